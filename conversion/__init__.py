@@ -1,0 +1,1 @@
+"""One module a source, each with one ``open_recording``; found by entry point only."""

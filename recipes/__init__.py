@@ -1,0 +1,1 @@
+"""Recipes that ship: TOML, the file's stem is the recipe's name. Data only."""
