@@ -53,3 +53,7 @@ class OutputError(CivilRgbdError):
 
 class MissingExtraError(CivilRgbdError):
     """An optional dependency is not installed."""
+
+
+class ImageDecodeError(RecordingError):
+    """One image of a recording cannot be decoded; the build counts it and goes on."""

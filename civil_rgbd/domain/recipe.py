@@ -1,0 +1,110 @@
+"""How raw points and images become RGB-D frames: every choice that touches a stored pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class SelectStage:
+    """Which images become frames.
+
+    Attributes:
+        min_displacement_m: an image is kept when the camera has moved strictly more than this
+            since the previously kept one; 0 keeps every image.
+    """
+
+    min_displacement_m: float = 0.10
+
+
+@dataclass(frozen=True, slots=True)
+class FilterStage:
+    """Which points count.
+
+    Attributes:
+        min_range_m: nearer returns (Euclidean, from the LiDAR) do not count.
+        max_range_m: further returns do not count.
+        drop_noise: returns that the sensor itself doubts (Livox tags) do not count.
+    """
+
+    min_range_m: float = 0.5
+    max_range_m: float = 200.0
+    drop_noise: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class AccumulateStage:
+    """Which points a frame sees.
+
+    Attributes:
+        points: how many.
+        window: ``past``, ``centred`` or ``future`` of the image's stamp.
+        min_fill: a frame with fewer than ``min_fill * points`` points is dropped and counted.
+        max_age_s: points further from the image's stamp do not count; 0 = no limit.
+        deskew: move each point by the pose at its own time, not at the scan's stamp.
+    """
+
+    points: int = 250_000
+    window: str = "past"
+    min_fill: float = 1.0
+    max_age_s: float = 0.0
+    deskew: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class PosesStage:
+    """How far poses are trusted.
+
+    Attributes:
+        max_gap_s: points and images between two poses further apart are dropped and counted.
+    """
+
+    max_gap_s: float = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class ImageStage:
+    """How the stored image is made.
+
+    Attributes:
+        scale: stored size / raw size.
+        undistort: take the lens distortion out.
+        codec: ``jpeg`` or ``png``.
+        quality: of JPEG, 1 to 100.
+        subsampling: of JPEG, ``4:4:4``, ``4:2:2`` or ``4:2:0``.
+    """
+
+    scale: float = 0.6
+    undistort: bool = True
+    codec: str = "jpeg"
+    quality: int = 95
+    subsampling: str = "4:4:4"
+
+
+@dataclass(frozen=True, slots=True)
+class DepthStage:
+    """How the stored depth is made.
+
+    Attributes:
+        min_m: nearer points (along the optical axis) are not drawn.
+        max_m: further points are not drawn.
+        step_m: depth is rounded to this; a power of two, or 0 for none.
+    """
+
+    min_m: float = 0.5
+    max_m: float = 200.0
+    step_m: float = 1.0 / 1024.0
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """All of it. The defaults are the paper's: the recipe ``250k``."""
+
+    name: str
+    description: str = ""
+    select: SelectStage = field(default_factory=SelectStage)
+    filter: FilterStage = field(default_factory=FilterStage)
+    accumulate: AccumulateStage = field(default_factory=AccumulateStage)
+    poses: PosesStage = field(default_factory=PosesStage)
+    image: ImageStage = field(default_factory=ImageStage)
+    depth: DepthStage = field(default_factory=DepthStage)

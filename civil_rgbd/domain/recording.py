@@ -1,0 +1,148 @@
+"""A raw recording, whatever it came in: the contract that every converter meets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from civil_rgbd.domain.rig import Rig
+from civil_rgbd.domain.scan import LidarScan
+from civil_rgbd.geometry.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class SourceFile:
+    """One file that a recording was read from.
+
+    Attributes:
+        name: file name without folders: no path of a machine enters a manifest.
+        size_bytes: its length.
+        sha256: of its bytes, lower-case hex.
+        converter: name of the converter that read it.
+    """
+
+    name: str
+    size_bytes: int
+    sha256: str
+    converter: str
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingOptions:
+    """What a user says about a recording that the recording does not say itself.
+
+    Attributes:
+        lidar_topic: the point cloud's topic, where several fit.
+        image_topic: the image's topic, where several fit.
+        camera_info_topic: the CameraInfo's topic, where several fit.
+        pose_topic: the topic of the poses, where several fit.
+        pose_of: ``camera``, ``lidar`` or ``imu``: the body of poses without a child frame.
+        rig_path: a rig file (TOML) that gives or overrides camera, extrinsics and time offset.
+        point_time: ``FIELD:UNIT:REFERENCE`` for unusual per-point times.
+        rectified: the images are rectified already, whatever their topic's name.
+        salvage: read what is readable of a damaged file.
+    """
+
+    lidar_topic: str | None = None
+    image_topic: str | None = None
+    camera_info_topic: str | None = None
+    pose_topic: str | None = None
+    pose_of: str | None = None
+    rig_path: str | None = None
+    point_time: str | None = None
+    rectified: bool = False
+    salvage: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingNotes:
+    """What a reader of the built bridge must know of the recording.
+
+    Attributes:
+        deskew: ``per_point`` (points have their own times), ``unavailable`` (they have none) or
+            ``registered`` (the clouds are in the map already).
+        salvage: None for a whole recording, else in words what was lost.
+        warnings: things that are odd but not fatal, in words.
+        counts: things skipped while reading, by name, for the report.
+    """
+
+    deskew: str = "per_point"
+    salvage: str | None = None
+    warnings: tuple[str, ...] = ()
+    counts: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraImage:
+    """One decoded image.
+
+    Attributes:
+        index: its place in the recording, from 0, in message order.
+        source_stamp_ns: header stamp, camera clock, before the rig's time offset.
+        rgb: (H, W, 3) uint8, as taken: distorted, full size.
+    """
+
+    index: int
+    source_stamp_ns: int
+    rgb: NDArray[np.uint8]
+
+
+class Recording(Protocol):
+    """An indexed recording: stamps are known beforehand, payloads are read when asked for.
+
+    Message order is the order of the container's log times, ties by place in the file. An object
+    that fits this can be pickled and sent to a worker; it opens its files there anew.
+    """
+
+    @property
+    def name(self) -> str:
+        """The file's stem, or what else names it."""
+
+    @property
+    def sources(self) -> tuple[SourceFile, ...]:
+        """The files behind it, in order."""
+
+    @property
+    def notes(self) -> RecordingNotes:
+        """What a reader of the built bridge must know."""
+
+    @property
+    def rig(self) -> Rig:
+        """Camera, extrinsics, time offset."""
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """``T_map_body``, LiDAR clock."""
+
+    @property
+    def image_stamps_ns(self) -> NDArray[np.int64]:
+        """(I,) header stamps of all images, camera clock, message order."""
+
+    @property
+    def scan_stamps_ns(self) -> NDArray[np.int64]:
+        """(S,) header stamps of all LiDAR messages, message order."""
+
+    @property
+    def point_reach_ns(self) -> tuple[int, int]:
+        """How far point stamps may lie from their header's: (earliest, latest), inclusive.
+
+        (0, 0) without point times; (0, 10**9) for offsets that cannot be negative.
+        """
+
+    def read_scan(self, index: int) -> LidarScan:
+        """Decode one LiDAR message.
+
+        Raises:
+            RecordingError: the message breaks its own layout.
+        """
+
+    def read_image(self, index: int) -> CameraImage:
+        """Decode one image.
+
+        Raises:
+            ImageDecodeError: this one image cannot be decoded; others may.
+            RecordingError: the images do not fit the camera.
+        """
