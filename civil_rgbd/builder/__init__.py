@@ -1,0 +1,1 @@
+"""From a recording and a recipe to a bridge folder: plan, run, publish."""

@@ -1,0 +1,178 @@
+"""Recipes: found by name or path, changed by ``--set``, checked by schema, hashed."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from civil_rgbd.domain.recipe import Recipe
+from civil_rgbd.errors import RecipeError
+from civil_rgbd.resources import load_schema, nearest, recipe_texts
+
+_STAGES = {
+    field.name: field.default_factory
+    for field in dataclasses.fields(Recipe)
+    if field.default_factory is not dataclasses.MISSING
+}
+
+
+def load_recipe(name_or_path: str, settings: Iterable[str] = ()) -> Recipe:
+    """Load a recipe that ships, or one from a file, and apply settings to it.
+
+    Args:
+        name_or_path: ``250k``, or a path that ends in ``.toml``.
+        settings: ``stage.key=value`` each, the value in TOML.
+
+    Returns:
+        the whole recipe; keys that the file leaves out have the schema's defaults.
+
+    Raises:
+        RecipeError: unknown name or key (the nearest right one is named), or a value that does
+            not fit.
+    """
+    texts = recipe_texts()
+    if name_or_path in texts:
+        text, where, name = texts[name_or_path], f"recipe {name_or_path}", name_or_path
+    elif name_or_path.endswith(".toml"):
+        path = Path(name_or_path)
+        text, where, name = _read_text(path), str(path), path.stem
+    else:
+        raise RecipeError(
+            f"there is no recipe {name_or_path!r}",
+            where="--recipe",
+            fix=f"{nearest(name_or_path, texts)}; or a path that ends in .toml",
+        )
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise RecipeError(
+            f"the recipe is not TOML: {error}", where=where, fix="mend the line it names"
+        ) from error
+    document["name"] = name
+    for setting in settings:
+        _apply(setting, document)
+    return recipe_from_document(document, where=where)
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecipeError(
+            f"the recipe file cannot be read: {error}", where=path, fix="check the path"
+        ) from error
+
+
+def _apply(setting: str, document: dict[str, Any]) -> None:
+    key, equals, text = setting.partition("=")
+    stage, dot, name = key.strip().partition(".")
+    if not equals or not dot:
+        raise RecipeError(
+            f"the setting {setting!r} is not of the form stage.key=value",
+            where="--set",
+            fix="for example --set accumulate.points=100000",
+        )
+    if stage not in _STAGES:
+        raise RecipeError(
+            f"a recipe has no stage {stage!r}", where="--set", fix=nearest(stage, _STAGES)
+        )
+    try:
+        value = tomllib.loads(f"value = {text.strip()}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()  # a bare word: --set accumulate.window=past
+    table = document.setdefault(stage, {})
+    if not isinstance(table, dict):
+        raise RecipeError(f"{stage!r} is not a table", where="recipe", fix=f"write [{stage}]")
+    table[name] = value
+
+
+def recipe_from_document(document: dict[str, Any], *, where: object) -> Recipe:
+    """Turn a parsed recipe into a :class:`Recipe`.
+
+    Raises:
+        RecipeError: a key is unknown or a value does not fit the schema.
+    """
+    _refuse_unknown_keys(document, where)
+    import jsonschema
+
+    validator = jsonschema.Draft202012Validator(load_schema("recipe"))
+    faults = sorted(validator.iter_errors(document), key=lambda fault: list(fault.absolute_path))
+    if faults:
+        lines = "; ".join(
+            f"{'.'.join(map(str, fault.absolute_path)) or 'recipe'}: {fault.message}"
+            for fault in faults
+        )
+        raise RecipeError(
+            f"the recipe does not fit its schema: {lines}",
+            where=where,
+            fix="docs/format.md lists every key with its unit and range",
+        )
+    stages = {name: stage(**_floats(stage, document.get(name, {}))) for name, stage in _STAGES.items()}
+    recipe = Recipe(
+        name=document.get("name", "unnamed"),
+        description=document.get("description", ""),
+        **stages,
+    )
+    _refuse_contradictions(recipe, where)
+    return recipe
+
+
+def _floats(stage: Any, values: dict[str, Any]) -> dict[str, Any]:  # noqa: ANN401  # a class object
+    # TOML writes 1 for 1.0; the hash of a recipe must not depend on it.
+    defaults = {field.name: field.default for field in dataclasses.fields(stage)}
+    return {
+        name: type(defaults[name])(value) if type(defaults[name]) in (int, float) else value
+        for name, value in values.items()
+    }
+
+
+def _refuse_unknown_keys(document: dict[str, Any], where: object) -> None:
+    properties = load_schema("recipe")["properties"]
+    for key, value in document.items():
+        if key not in properties:
+            raise RecipeError(
+                f"a recipe has no key {key!r}", where=where, fix=nearest(key, properties)
+            )
+        known = properties[key].get("properties")
+        for name in value if known and isinstance(value, dict) else ():
+            if name not in known:
+                raise RecipeError(
+                    f"stage {key!r} has no key {name!r}", where=where, fix=nearest(name, known)
+                )
+
+
+def _refuse_contradictions(recipe: Recipe, where: object) -> None:
+    step_m = recipe.depth.step_m
+    if step_m and math.frexp(step_m)[0] != 0.5:
+        raise RecipeError(
+            f"depth.step_m is {step_m!r}, which is no power of two",
+            where=where,
+            fix="take 0.0009765625 (1/1024 m), another power of two, or 0 for no rounding",
+        )
+    for low, high, names in (
+        (recipe.depth.min_m, recipe.depth.max_m, "depth.min_m and depth.max_m"),
+        (recipe.filter.min_range_m, recipe.filter.max_range_m, "filter.min_range_m and max_range_m"),
+    ):
+        if low >= high:
+            raise RecipeError(
+                f"{names} leave nothing between them: {low!r} and {high!r}",
+                where=where,
+                fix="the first must be smaller than the second",
+            )
+
+
+def recipe_parameters(recipe: Recipe) -> dict[str, dict[str, Any]]:
+    """Return every key of every stage: what decides the pixels, without name and description."""
+    return {name: dataclasses.asdict(getattr(recipe, name)) for name in _STAGES}
+
+
+def recipe_sha256(recipe: Recipe) -> str:
+    """Return the hash of a recipe's parameters: the same pixels, the same hash."""
+    text = json.dumps(recipe_parameters(recipe), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
