@@ -11,14 +11,25 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from civil_rgbd.domain.recipe import Recipe
+from civil_rgbd.domain.recipe import (
+    AccumulateStage,
+    DepthStage,
+    FilterStage,
+    ImageStage,
+    PosesStage,
+    Recipe,
+    SelectStage,
+)
 from civil_rgbd.errors import RecipeError
 from civil_rgbd.resources import load_schema, nearest, recipe_texts
 
-_STAGES = {
-    field.name: field.default_factory
-    for field in dataclasses.fields(Recipe)
-    if field.default_factory is not dataclasses.MISSING
+_STAGES: dict[str, type[Any]] = {
+    "select": SelectStage,
+    "filter": FilterStage,
+    "accumulate": AccumulateStage,
+    "poses": PosesStage,
+    "image": ImageStage,
+    "depth": DepthStage,
 }
 
 
@@ -113,7 +124,10 @@ def recipe_from_document(document: dict[str, Any], *, where: object) -> Recipe:
             where=where,
             fix="docs/format.md lists every key with its unit and range",
         )
-    stages = {name: stage(**_floats(stage, document.get(name, {}))) for name, stage in _STAGES.items()}
+    stages = {
+        name: kind(**_in_their_types(kind, document.get(name, {})))
+        for name, kind in _STAGES.items()
+    }
     recipe = Recipe(
         name=document.get("name", "unnamed"),
         description=document.get("description", ""),
@@ -123,9 +137,9 @@ def recipe_from_document(document: dict[str, Any], *, where: object) -> Recipe:
     return recipe
 
 
-def _floats(stage: Any, values: dict[str, Any]) -> dict[str, Any]:  # noqa: ANN401  # a class object
-    # TOML writes 1 for 1.0; the hash of a recipe must not depend on it.
-    defaults = {field.name: field.default for field in dataclasses.fields(stage)}
+def _in_their_types(kind: type[Any], values: dict[str, Any]) -> dict[str, Any]:
+    # TOML may write 1 for 1.0; the hash of a recipe must not depend on it.
+    defaults = {field.name: field.default for field in dataclasses.fields(kind)}
     return {
         name: type(defaults[name])(value) if type(defaults[name]) in (int, float) else value
         for name, value in values.items()
@@ -148,6 +162,12 @@ def _refuse_unknown_keys(document: dict[str, Any], where: object) -> None:
 
 
 def _refuse_contradictions(recipe: Recipe, where: object) -> None:
+    for stage, values in recipe_parameters(recipe).items():
+        for key, value in values.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise RecipeError(
+                    f"{stage}.{key} is {value!r}", where=where, fix="take a finite number"
+                )
     step_m = recipe.depth.step_m
     if step_m and math.frexp(step_m)[0] != 0.5:
         raise RecipeError(
@@ -157,7 +177,11 @@ def _refuse_contradictions(recipe: Recipe, where: object) -> None:
         )
     for low, high, names in (
         (recipe.depth.min_m, recipe.depth.max_m, "depth.min_m and depth.max_m"),
-        (recipe.filter.min_range_m, recipe.filter.max_range_m, "filter.min_range_m and max_range_m"),
+        (
+            recipe.filter.min_range_m,
+            recipe.filter.max_range_m,
+            "filter.min_range_m and max_range_m",
+        ),
     ):
         if low >= high:
             raise RecipeError(

@@ -62,8 +62,9 @@ class PinholeCamera:
         The size is rounded half up; each axis then has its own exact factor, and the centre of
         the pixel (0, 0) moves: ``cx' = (cx + 0.5) sx - 0.5``.
 
-        >>> PinholeCamera(1280, 720, 640.0, 640.0, 639.5, 359.5).scaled(0.6)
-        PinholeCamera(width_px=768, height_px=432, fx_px=384.0, fy_px=384.0, cx_px=383.5, cy_px=215.5)
+        >>> camera = PinholeCamera(1280, 720, 640.0, 640.0, 639.5, 359.5).scaled(0.6)
+        >>> camera.width_px, camera.fx_px, camera.cx_px
+        (768, 384.0, 383.5)
         """
         width_px = max(1, math.floor(self.width_px * scale + 0.5))
         height_px = max(1, math.floor(self.height_px * scale + 0.5))
@@ -106,9 +107,7 @@ class LensCamera:
 
     def __post_init__(self) -> None:
         if self.lens not in LENS_COEFFICIENTS:
-            raise ValueError(
-                f"lens model {self.lens!r} is none of {', '.join(LENS_COEFFICIENTS)}"
-            )
+            raise ValueError(f"lens model {self.lens!r} is none of {', '.join(LENS_COEFFICIENTS)}")
         if len(self.coefficients) not in LENS_COEFFICIENTS[self.lens]:
             raise ValueError(
                 f"lens model {self.lens!r} takes {LENS_COEFFICIENTS[self.lens]} coefficients, "

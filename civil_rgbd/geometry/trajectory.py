@@ -92,9 +92,7 @@ class Trajectory:
         Raises:
             ValueError: a stamp lies outside the trajectory.
         """
-        if len(stamps_ns) and (
-            stamps_ns.min() < self.start_ns or stamps_ns.max() > self.end_ns
-        ):
+        if len(stamps_ns) and (stamps_ns.min() < self.start_ns or stamps_ns.max() > self.end_ns):
             raise ValueError("a stamp lies outside the trajectory; nothing is extrapolated")
         before, after = self._neighbours(stamps_ns)
         t0, t1 = self.stamps_ns[before], self.stamps_ns[after]

@@ -1,0 +1,1 @@
+"""The method: select images, accumulate points, render depth."""

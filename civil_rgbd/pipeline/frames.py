@@ -1,0 +1,149 @@
+"""The method on one page: for each planned image its points, its depth, its picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from civil_rgbd.constants import NO_DEPTH_M
+from civil_rgbd.domain.frame import RgbdFrame
+from civil_rgbd.domain.recipe import Recipe
+from civil_rgbd.domain.recording import Recording
+from civil_rgbd.errors import ImageDecodeError
+from civil_rgbd.geometry.transforms import inverse
+from civil_rgbd.pipeline.accumulate import PointWindow, SlidingWindow
+from civil_rgbd.pipeline.image import ImageMaker
+from civil_rgbd.pipeline.prepare import MappedScan, PointCounts, local_origin, map_scan
+from civil_rgbd.pipeline.render import render_depth
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlannedFrame:
+    """One image that passed the displacement gate.
+
+    Attributes:
+        source_index: its place in the recording.
+        stamp_ns: corrected stamp, LiDAR clock.
+        source_stamp_ns: original stamp, camera clock.
+        T_map_camera: (4, 4) float64.
+    """
+
+    source_index: int
+    stamp_ns: int
+    source_stamp_ns: int
+    T_map_camera: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameOutcome:
+    """What became of one planned frame.
+
+    Attributes:
+        source_index: which.
+        frame: the frame; None when it was dropped.
+        dropped: why, in a stable word: ``too-few-points`` or ``image-undecodable``.
+        points: in its window.
+        points_in_view: of those, in the image and the depth range.
+        span_ns: from the window's earliest point to its latest.
+    """
+
+    source_index: int
+    frame: RgbdFrame | None
+    dropped: str | None
+    points: int
+    points_in_view: int
+    span_ns: int
+
+
+@dataclass(slots=True)
+class FrameMaker:
+    """Turns planned images of one recording into frames, in ascending order.
+
+    Attributes:
+        recording: where scans and images come from.
+        recipe: how.
+        point_counts: what became of the points of each scan that was read, by scan.
+        images: makes the stored pictures, and knows their camera.
+    """
+
+    recording: Recording
+    recipe: Recipe
+    point_counts: dict[int, PointCounts] = field(default_factory=dict)
+    images: ImageMaker = field(init=False)
+    _origin_map: NDArray[np.float64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.images = ImageMaker(self.recording.rig.camera, self.recipe.image)
+        self._origin_map = local_origin(self.recording.trajectory)
+
+    def make(self, planned: Sequence[PlannedFrame]) -> Iterator[FrameOutcome]:
+        """Make the frames of a chunk, one at a time; its first window is read back until full."""
+        window = self.windows()
+        for plan in planned:
+            yield self._make_one(plan, window.at(plan.stamp_ns))
+
+    def windows(self) -> SlidingWindow:
+        """Return a fresh window over the recording's points, in the local frame."""
+        return SlidingWindow(
+            self._read_mapped,
+            scan_stamps_ns=self.recording.scan_stamps_ns,
+            reach_ns=self.recording.point_reach_ns,
+            stage=self.recipe.accumulate,
+        )
+
+    def render(
+        self, T_map_camera: NDArray[np.float64], window: PointWindow
+    ) -> tuple[NDArray[np.float32], int]:
+        """Render the window from a camera pose.
+
+        Returns:
+            depth (H, W) float32 metres, and how many points fell into it.
+        """
+        T_local_camera = T_map_camera.copy()
+        T_local_camera[:3, 3] -= self._origin_map
+        rendered = render_depth(
+            window.segments,
+            T_camera_local=inverse(T_local_camera),
+            camera=self.images.camera,
+            stage=self.recipe.depth,
+        )
+        if self.images.missing_pixels:
+            rendered.depth_m[~self.images.exists] = NO_DEPTH_M
+        return rendered.depth_m, rendered.points_in_view
+
+    def _make_one(self, plan: PlannedFrame, window: PointWindow) -> FrameOutcome:
+        # The points decide first: an image whose frame is dropped is never decoded.
+        if window.count < self.recipe.accumulate.min_fill * self.recipe.accumulate.points:
+            return self._dropped(plan, window, "too-few-points")
+        try:
+            raw_rgb = self.recording.read_image(plan.source_index).rgb
+        except ImageDecodeError:
+            return self._dropped(plan, window, "image-undecodable")
+        depth_m, in_view = self.render(plan.T_map_camera, window)
+        frame = RgbdFrame(
+            source_index=plan.source_index,
+            stamp_ns=plan.stamp_ns,
+            source_stamp_ns=plan.source_stamp_ns,
+            rgb=self.images.make(raw_rgb),
+            depth_m=depth_m,
+            camera=self.images.camera,
+            T_map_camera=plan.T_map_camera,
+        )
+        return FrameOutcome(plan.source_index, frame, None, window.count, in_view, window.span_ns)
+
+    def _dropped(self, plan: PlannedFrame, window: PointWindow, reason: str) -> FrameOutcome:
+        return FrameOutcome(plan.source_index, None, reason, window.count, 0, window.span_ns)
+
+    def _read_mapped(self, scan: int) -> MappedScan:
+        mapped = map_scan(
+            self.recording.read_scan(scan),
+            trajectory=self.recording.trajectory,
+            rig=self.recording.rig,
+            recipe=self.recipe,
+            origin_map=self._origin_map,
+        )
+        self.point_counts[scan] = mapped.counts
+        return mapped
