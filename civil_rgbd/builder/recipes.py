@@ -66,8 +66,11 @@ def load_recipe(name_or_path: str, settings: Iterable[str] = ()) -> Recipe:
             f"the recipe is not TOML: {error}", where=where, fix="mend the line it names"
         ) from error
     document["name"] = name
-    for setting in settings:
-        _apply(setting, document)
+    for key, value in overrides_of(settings).items():
+        stage, _, key_in_stage = key.partition(".")
+        table = document.setdefault(stage, {})
+        if isinstance(table, dict):  # the schema refuses what is no table
+            table[key_in_stage] = value
     return recipe_from_document(document, where=where)
 
 
@@ -80,7 +83,19 @@ def _read_text(path: Path) -> str:
         ) from error
 
 
-def _apply(setting: str, document: dict[str, Any]) -> None:
+def overrides_of(settings: Iterable[str]) -> dict[str, Any]:
+    """Parse ``stage.key=value`` settings into values by dotted key.
+
+    Raises:
+        RecipeError: one is not of that form, or a stage is unknown.
+
+    >>> overrides_of(["accumulate.points=100000", "accumulate.window=future"])
+    {'accumulate.points': 100000, 'accumulate.window': 'future'}
+    """
+    return dict(map(_parse_setting, settings))
+
+
+def _parse_setting(setting: str) -> tuple[str, Any]:
     key, equals, text = setting.partition("=")
     stage, dot, name = key.strip().partition(".")
     if not equals or not dot:
@@ -97,10 +112,7 @@ def _apply(setting: str, document: dict[str, Any]) -> None:
         value = tomllib.loads(f"value = {text.strip()}")["value"]
     except tomllib.TOMLDecodeError:
         value = text.strip()  # a bare word: --set accumulate.window=past
-    table = document.setdefault(stage, {})
-    if not isinstance(table, dict):
-        raise RecipeError(f"{stage!r} is not a table", where="recipe", fix=f"write [{stage}]")
-    table[name] = value
+    return f"{stage}.{name}", value
 
 
 def recipe_from_document(document: dict[str, Any], *, where: object) -> Recipe:

@@ -65,12 +65,16 @@ class RecordingNotes:
         deskew: ``per_point`` (points have their own times), ``unavailable`` (they have none) or
             ``registered`` (the clouds are in the map already).
         salvage: None for a whole recording, else in words what was lost.
+        simulated: the points and images come from a simulator.
+        map_up: unit vector against gravity in the map frame, where it is known.
         warnings: things that are odd but not fatal, in words.
         counts: things skipped while reading, by name, for the report.
     """
 
     deskew: str = "per_point"
     salvage: str | None = None
+    simulated: bool = False
+    map_up: tuple[float, float, float] | None = None
     warnings: tuple[str, ...] = ()
     counts: dict[str, int] = field(default_factory=dict)
 

@@ -1,0 +1,203 @@
+"""The folder of a bridge: where it is made, whether it is whole already, what its manifest says."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import re
+import shutil
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from civil_rgbd.builder.chunks import BRIDGE, DONE, ChunkRecord
+from civil_rgbd.builder.plan import Plan
+from civil_rgbd.builder.provenance import recipe_record, software
+from civil_rgbd.constants import BRIDGE_ID_PATTERN, NS_PER_S
+from civil_rgbd.domain.bridge import BridgeInfo, Counts, Manifest, rig_record
+from civil_rgbd.domain.recipe import Recipe
+from civil_rgbd.domain.recording import Recording
+from civil_rgbd.errors import BuildError, FormatError, UsageError
+from civil_rgbd.format.atomic import whole_file, writing
+from civil_rgbd.format.layout import BRIDGES, MANIFEST, PARTIAL
+from civil_rgbd.format.manifest import manifest_to_document, read_manifest
+from civil_rgbd.pipeline.prepare import PointCounts, local_origin
+
+_IDENTITY = "build.json"
+
+
+def require_free_id(dataset: Path, bridge_id: str) -> None:
+    """Refuse an id that is none, or that differs from an existing one only in case.
+
+    Raises:
+        UsageError: the id does not fit.
+    """
+    if not re.fullmatch(BRIDGE_ID_PATTERN, bridge_id):
+        raise UsageError(
+            f"{bridge_id!r} is no bridge id: letters, digits, - and _, at most 64, beginning "
+            "with a letter or digit",
+            where="--bridge",
+            fix="name the bridge: --bridge B3",
+        )
+    for parent in (dataset / BRIDGES, dataset / PARTIAL):
+        for taken in parent.iterdir() if parent.is_dir() else ():
+            if taken.name != bridge_id and taken.name.lower() == bridge_id.lower():
+                raise UsageError(
+                    f"the bridge {bridge_id!r} differs only in case from {taken.name!r}",
+                    where=taken,
+                    fix=f"take --bridge {taken.name}, or a different name",
+                )
+
+
+def prepare_partial(partial: Path, identity: Mapping[str, object], *, overwrite: bool) -> None:
+    """Make the folder of an unfinished build, or find the one that was stopped.
+
+    Args:
+        partial: the folder.
+        identity: what must be equal for the build to be gone on with.
+        overwrite: throw away an unfinished build that differs.
+
+    Raises:
+        BuildError: an unfinished build of something else lies there.
+        OutputError: the folder cannot be written.
+    """
+    found = _found_identity(partial)
+    if found is not None and found != identity:
+        different = ", ".join(key for key in identity if found.get(key) != identity[key])
+        if not overwrite:
+            raise BuildError(
+                f"an unfinished build lies here whose {different} differ from this one's",
+                where=partial,
+                fix="give --overwrite to throw it away, or run its own command to finish it",
+            )
+        found = None
+    with writing(partial):
+        if found is None and partial.exists():
+            shutil.rmtree(partial)
+        for folder in (DONE, BRIDGE):
+            (partial / folder).mkdir(parents=True, exist_ok=True)
+    if found is None:
+        with whole_file(partial / _IDENTITY) as scratch:
+            scratch.write_text(json.dumps(identity), encoding="utf-8")
+
+
+def _found_identity(partial: Path) -> dict[str, object] | None:
+    try:
+        document = json.loads((partial / _IDENTITY).read_text("utf-8"))
+    except (OSError, ValueError):
+        return None  # none, or cut off by a power failure: nothing to go on with
+    return document if isinstance(document, dict) else None
+
+
+def remove_partial(partial: Path) -> None:
+    """Take the folder of a finished build away, and its parent when that was the last."""
+    with writing(partial):
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def manifest_before(
+    recording: Recording, recipe: Recipe, info: BridgeInfo, overrides: Mapping[str, object]
+) -> Manifest:
+    """Return the manifest of a bridge that is still to be built: all but the counts."""
+    notes = recording.notes
+    deskew = notes.deskew
+    if deskew == "per_point" and not recipe.accumulate.deskew:
+        deskew = "off"
+    x, y, z = local_origin(recording.trajectory).tolist()
+    return Manifest(
+        info=info,
+        origin="simulated" if notes.simulated else "rendered",
+        sources=recording.sources,
+        software=software(),
+        counts=Counts(images_seen=len(recording.image_stamps_ns), frames_kept=0),
+        rig=rig_record(recording.rig),
+        recipe=recipe_record(recipe, overrides),
+        deskew=deskew,
+        salvage=notes.salvage,
+        map_up=notes.map_up,
+        map_origin_m=(x, y, z),
+        warnings=notes.warnings,
+    )
+
+
+def with_counts(
+    manifest: Manifest, plan: Plan, records: Iterable[ChunkRecord], recording: Recording
+) -> Manifest:
+    """Fill in what was seen, kept and dropped: the same whoever made which chunk."""
+    frames = sorted(
+        (frame for record in records for frame in record.frames),
+        key=lambda frame: frame.source_index,
+    )
+    dropped = dict(plan.dropped)
+    for frame in frames:
+        if frame.dropped:
+            dropped[frame.dropped] = dropped.get(frame.dropped, 0) + 1
+    kept = [frame for frame in frames if frame.row is not None]
+    points: dict[int, PointCounts] = {}  # neighbouring chunks read some scans twice
+    for record in records:
+        points |= record.point_counts
+    reasons = ("not_finite", "no_return", "out_of_range", "noise", "outside_trajectory")
+    return replace(
+        manifest,
+        counts=Counts(
+            images_seen=plan.images_seen,
+            frames_kept=len(kept),
+            dropped=dropped,
+            scans_seen=len(recording.scan_stamps_ns),
+            points_seen=sum(count.read for count in points.values()),
+            points_dropped={
+                reason: sum(getattr(count, reason) for count in points.values())
+                for reason in reasons
+            },
+            skipped=dict(recording.notes.counts),
+            mean_points_in_view=_mean([frame.points_in_view for frame in kept]),
+            mean_age_span_s=_mean([frame.span_ns / NS_PER_S for frame in kept]),
+            mean_valid_share=_mean([frame.row.valid_share for frame in kept if frame.row]),
+        ),
+    )
+
+
+def _mean(values: list[int] | list[float]) -> float | None:
+    return math.fsum(values) / len(values) if values else None
+
+
+def find_whole(folder: Path, wanted: Manifest, *, overwrite: bool) -> Manifest | None:
+    """Return the manifest of a bridge that is built already, as wanted.
+
+    Args:
+        folder: of the bridge.
+        wanted: the manifest that a build would write, but for its counts.
+        overwrite: a bridge that differs is built anew.
+
+    Returns:
+        None when there is work to do.
+
+    Raises:
+        BuildError: a bridge made otherwise lies there.
+    """
+    if not folder.exists():
+        return None
+    there: Manifest | None = None
+    with contextlib.suppress(FormatError):
+        there = read_manifest(folder / MANIFEST)
+    if there is not None:
+        a, b = (manifest_to_document(replace(m, counts=wanted.counts)) for m in (there, wanted))
+        different = sorted(key for key in {*a, *b} if a.get(key) != b.get(key))
+        if not different:
+            return there
+        what = f"a bridge lies here whose {_in_order(different)} differ from what is to be built"
+    else:
+        what = "a folder lies here that is no whole bridge"
+    if overwrite:
+        return None
+    raise BuildError(
+        what,
+        where=folder,
+        fix="give --overwrite to replace it, or another --bridge or --out",
+    )
+
+
+def _in_order(keys: list[str]) -> str:
+    # What people changed on purpose comes first; versions differ as a matter of course.
+    return ", ".join(sorted(keys, key=lambda key: (key != "recipe", key != "sources", key)))

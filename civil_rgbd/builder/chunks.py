@@ -1,0 +1,166 @@
+"""The unit of work: make the frames of one chunk, and leave a record that survives a kill."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from civil_rgbd.builder.plan import Chunk
+from civil_rgbd.domain.frame import FrameRow
+from civil_rgbd.domain.recipe import Recipe
+from civil_rgbd.domain.recording import Recording
+from civil_rgbd.format.atomic import whole_file
+from civil_rgbd.format.hashes import file_sha256
+from civil_rgbd.format.writer import write_frame
+from civil_rgbd.pipeline.frames import FrameMaker, FrameOutcome, PlannedFrame
+from civil_rgbd.pipeline.prepare import PointCounts
+
+BRIDGE = "bridge"
+"""Inside the partial folder: what becomes the bridge folder."""
+
+DONE = "done"
+"""Inside the partial folder: one record for each finished chunk."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Job:
+    """What every chunk of a build has in common; a worker gets it once.
+
+    Attributes:
+        recording: where points and images come from.
+        recipe: how frames are made.
+        frames: the plan's frames; chunks name them by index.
+        partial: the folder of the unfinished build.
+    """
+
+    recording: Recording
+    recipe: Recipe
+    frames: tuple[PlannedFrame, ...]
+    partial: Path
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRecord:
+    """What became of one planned frame, without its pixels.
+
+    Attributes:
+        source_index: which image.
+        row: its row in ``frames.parquet``; None when it was dropped.
+        dropped: why; None when it was kept.
+        points: in its window.
+        points_in_view: of those, in the image.
+        span_ns: from the window's earliest point to its latest.
+    """
+
+    source_index: int
+    row: FrameRow | None
+    dropped: str | None
+    points: int
+    points_in_view: int
+    span_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkRecord:
+    """What became of a chunk.
+
+    Attributes:
+        frames: in order.
+        point_counts: what became of the points of each scan that was read, by scan.
+    """
+
+    frames: tuple[FrameRecord, ...]
+    point_counts: dict[int, PointCounts]
+
+
+def run_chunk(job: Job, chunk: Chunk, *, on_frame: Callable[[], object]) -> ChunkRecord:
+    """Make the frames of one chunk and write them; the record comes last.
+
+    Args:
+        job: what the chunks share.
+        chunk: which frames.
+        on_frame: called after each frame.
+
+    Returns:
+        what became of them.
+    """
+    planned = job.frames[chunk.first : chunk.stop]
+    maker = FrameMaker(job.recording, job.recipe)
+    frames = []
+    for outcome in maker.make(planned):
+        frames.append(_record(job, outcome))
+        on_frame()
+    record = ChunkRecord(frames=tuple(frames), point_counts=maker.point_counts)
+    name = f"{planned[0].source_index:06d}-{planned[-1].source_index:06d}.json"
+    with whole_file(job.partial / DONE / name) as scratch:
+        scratch.write_text(json.dumps(_to_document(record)), encoding="utf-8")
+    return record
+
+
+def _record(job: Job, outcome: FrameOutcome) -> FrameRecord:
+    row = None
+    if outcome.frame is not None:
+        row = write_frame(job.partial / BRIDGE, outcome.frame, stage=job.recipe.image)
+    return FrameRecord(
+        source_index=outcome.source_index,
+        row=row,
+        dropped=outcome.dropped,
+        points=outcome.points,
+        points_in_view=outcome.points_in_view,
+        span_ns=outcome.span_ns,
+    )
+
+
+def finished_chunks(partial: Path) -> list[ChunkRecord]:
+    """Read the records of a build that was stopped; chunks with a damaged file count as not done.
+
+    Args:
+        partial: the folder of the unfinished build.
+
+    Returns:
+        the chunks whose files are all there with the right bytes.
+    """
+    records = []
+    for path in sorted((partial / DONE).glob("*.json")):
+        try:
+            record = _from_document(json.loads(path.read_text("utf-8")))
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # a power cut may leave an empty record: the chunk is made again
+        if all(_whole(partial / BRIDGE, frame.row) for frame in record.frames if frame.row):
+            records.append(record)
+    return records
+
+
+def _whole(folder: Path, row: FrameRow) -> bool:
+    try:
+        return (
+            file_sha256(folder / row.rgb_path) == row.rgb_file_sha256
+            and file_sha256(folder / row.depth_path) == row.depth_file_sha256
+        )
+    except OSError:
+        return False
+
+
+def _to_document(record: ChunkRecord) -> dict[str, object]:
+    return {
+        "frames": [dataclasses.asdict(frame) for frame in record.frames],
+        "point_counts": {
+            scan: dataclasses.asdict(counts) for scan, counts in record.point_counts.items()
+        },
+    }
+
+
+def _from_document(document: dict[str, object]) -> ChunkRecord:
+    frames, counts = document["frames"], document["point_counts"]
+    if not isinstance(frames, list) or not isinstance(counts, dict):
+        raise TypeError("the record does not hold frames and point counts")
+    return ChunkRecord(
+        frames=tuple(
+            FrameRecord(**(frame | {"row": FrameRow(**frame["row"]) if frame["row"] else None}))
+            for frame in frames
+        ),
+        point_counts={int(scan): PointCounts(**count) for scan, count in counts.items()},
+    )

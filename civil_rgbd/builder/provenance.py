@@ -1,0 +1,94 @@
+"""What a bridge was made from and with: enough to make it again, nothing about the machine."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Mapping
+from importlib.metadata import Distribution, PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from civil_rgbd import __version__
+from civil_rgbd.builder.recipes import recipe_parameters, recipe_sha256
+from civil_rgbd.domain.bridge import RecipeRecord, Software
+from civil_rgbd.domain.recipe import Recipe
+from civil_rgbd.domain.recording import Recording
+
+PIXEL_PACKAGES = ("numpy", "numba", "opencv-python-headless", "OpenEXR")
+"""The packages whose versions can change a stored pixel or byte."""
+
+
+def software() -> Software:
+    """Return the versions of what makes the frames."""
+    return Software(
+        civil_rgbd=__version__,
+        python=platform.python_version(),
+        packages={name: _version(name) for name in PIXEL_PACKAGES},
+        commit=_commit(),
+    )
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "unknown"  # for example opencv-python in the place of opencv-python-headless
+
+
+def _commit() -> str | None:
+    """The commit of the source tree, where pip installed from one and wrote it down."""
+    try:
+        text = Distribution.from_name("civil-rgbd").read_text("direct_url.json")
+    except PackageNotFoundError:
+        return None
+    commit = json.loads(text).get("vcs_info", {}).get("commit_id") if text else None
+    return str(commit) if commit else None
+
+
+def recipe_record(recipe: Recipe, overrides: Mapping[str, object]) -> RecipeRecord:
+    """Return what a manifest keeps of a recipe: every key, and what was set by hand."""
+    return RecipeRecord(
+        name=recipe.name,
+        sha256=recipe_sha256(recipe),
+        parameters=recipe_parameters(recipe),
+        overrides=overrides,
+    )
+
+
+def build_identity(recording: Recording, recipe: Recipe) -> dict[str, Any]:
+    """Return what must be equal for an unfinished build to be gone on with.
+
+    Args:
+        recording: its sources, rig, stamps and trajectory count.
+        recipe: its parameters count.
+
+    Returns:
+        a JSON document, one key a cause, so that a difference can be named.
+    """
+    rig, trajectory = recording.rig, recording.trajectory
+    return {
+        "recipe": recipe_sha256(recipe),
+        "sources": [[source.name, source.sha256] for source in recording.sources],
+        "rig": _sha256(
+            rig.T_body_camera,
+            rig.T_body_lidar,
+            np.array([rig.camera_time_offset_ns, *rig.camera.coefficients]),
+            rig.camera.pinhole.matrix,
+        ),
+        "poses": _sha256(
+            trajectory.stamps_ns, trajectory.translations_m, trajectory.quaternions_xyzw
+        ),
+        "messages": _sha256(recording.image_stamps_ns, recording.scan_stamps_ns),
+        "software": [__version__, *(_version(name) for name in PIXEL_PACKAGES)],
+    }
+
+
+def _sha256(*arrays: NDArray[Any]) -> str:
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,84 @@
+"""The command line: one file a command; parse, one library call, print."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Sequence
+from typing import Final
+
+import click
+
+from civil_rgbd.errors import CivilRgbdError
+from civil_rgbd.resources import nearest
+
+COMMANDS: Final = {
+    "build": "Build a bridge folder from a raw recording.",
+    "info": "Say what a dataset or bridge holds.",
+    "recipes": "List the recipes that ship, or print one.",
+    "simulate": "Write a simulated recording.",
+    "validate": "Check a dataset or bridge against the format.",
+}
+"""Commands and their one-line help: known without importing what they need."""
+
+
+class LazyGroup(click.Group):
+    """Imports a command when it is called, so that ``--help`` stays light."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of all commands."""
+        del ctx
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import one command."""
+        if cmd_name not in COMMANDS:
+            ctx.fail(f"no such command: {cmd_name!r}; {nearest(cmd_name, COMMANDS)}")
+        module = importlib.import_module(f"civil_rgbd.cli.{cmd_name}")
+        command: click.Command = module.command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands from the table."""
+        del ctx
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="civil-rgbd", prog_name="civil-rgbd")
+def group() -> None:
+    """LiDAR RGB-D data of civil structures: build, check, look."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        arguments: without the program's name; None takes them from the process.
+
+    Returns:
+        0 done; 1 ran, but findings or a failed bridge; 2 bad input, usage or environment;
+        130 interrupted.
+    """
+    try:
+        result = group.main(
+            args=None if arguments is None else list(arguments),
+            prog_name="civil-rgbd",
+            standalone_mode=False,
+        )
+    except CivilRgbdError as error:
+        click.echo(f"error: {error}", err=True)
+        return 2
+    except click.exceptions.Exit as exit_:
+        return exit_.exit_code
+    except click.ClickException as error:
+        error.show()
+        return 2
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("interrupted; finished work is kept, the same command goes on with it", err=True)
+        return 130
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader of our output went away: nothing is left to say
+        return 0
+    return result if isinstance(result, int) else 0

@@ -1,0 +1,159 @@
+"""``civil-rgbd build``: a raw recording in, a bridge folder out."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from civil_rgbd.domain.bridge import BridgeInfo
+
+
+@click.command("build")
+@click.argument("source", required=False)
+@click.option(
+    "--recipe",
+    "recipe_name",
+    default="250k",
+    show_default=True,
+    metavar="NAME|FILE",
+    help="A recipe that ships (see `civil-rgbd recipes`), or a TOML file.",
+)
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="STAGE.KEY=VALUE",
+    help="Change one key of the recipe; may be given again.",
+)
+@click.option(
+    "--bridge", "bridge_id", metavar="ID", help="The bridge's id  [default: the file's stem]"
+)
+@click.option(
+    "--out",
+    "dataset",
+    type=click.Path(path_type=Path),
+    default="civil_rgbd_data",
+    show_default=True,
+    metavar="FOLDER",
+    help="The dataset folder; the bridge goes to bridges/ID in it.",
+)
+@click.option(
+    "--bridge-info",
+    "bridge_info",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="TOML: name, place, structure, licence, citation of the bridge.",
+)
+@click.option("--licence", metavar="SPDX", help="Licence of the data, for example CC-BY-4.0.")
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Processes  [default: one a processor]",
+)
+@click.option("--overwrite", is_flag=True, help="Replace a bridge that was made otherwise.")
+@click.option("--salvage", is_flag=True, help="Build from what is readable of a damaged recording.")
+@click.option("--lidar-topic", metavar="TOPIC", help="The point clouds, where several topics fit.")
+@click.option("--image-topic", metavar="TOPIC", help="The images, where several topics fit.")
+@click.option(
+    "--camera-info-topic", metavar="TOPIC", help="The camera model, where several topics fit."
+)
+@click.option("--pose-topic", metavar="TOPIC", help="The poses, where several topics fit.")
+@click.option(
+    "--pose-of",
+    type=click.Choice(["camera", "lidar", "imu"]),
+    help="What PoseStamped and Path poses are poses of.",
+)
+@click.option(
+    "--rig",
+    "rig_path",
+    metavar="FILE",
+    help="TOML: camera, extrinsics and time offset, where the recording lacks them.",
+)
+@click.option(
+    "--point-time",
+    metavar="FIELD:UNIT:REFERENCE",
+    help="Per-point time of an unusual point cloud, for example stamp:us:header.",
+)
+@click.option("--rectified", is_flag=True, help="The images are rectified: take P, no distortion.")
+@click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
+def command(
+    source: str | None,
+    *,
+    recipe_name: str,
+    settings: tuple[str, ...],
+    bridge_id: str | None,
+    dataset: Path,
+    bridge_info: Path | None,
+    licence: str | None,
+    workers: int | None,
+    overwrite: bool,
+    as_json: bool,
+    **recording_options: object,
+) -> None:
+    """Build a bridge folder from SOURCE, a raw recording.
+
+    Without SOURCE a small simulated scan of a girder bridge is built. A build that was stopped is
+    gone on with by the same command.
+    """
+    import json
+
+    from civil_rgbd.builder.bridge import require_free_id
+    from civil_rgbd.builder.recipes import load_recipe, overrides_of
+    from civil_rgbd.builder.run import BuildOptions, build_bridge
+    from civil_rgbd.cli.progress import frame_bar
+    from civil_rgbd.converters import open_recording
+    from civil_rgbd.domain.recording import RecordingOptions
+
+    recipe = load_recipe(recipe_name, settings)
+    location = source or _demo_recording()
+    bridge_id = bridge_id or ("demo" if source is None else Path(source).stem)
+    require_free_id(dataset, bridge_id)
+    info = _info(bridge_id, bridge_info, licence, simulated=source is None)
+    recording = open_recording(location, RecordingOptions(**recording_options))  # type: ignore[arg-type]  # click hands them over by name
+    with frame_bar(info.bridge_id) as on_progress:
+        report = build_bridge(
+            recording,
+            recipe,
+            dataset,
+            info,
+            BuildOptions(
+                workers=workers or _processors(),
+                overwrite=overwrite,
+                overrides=overrides_of(settings),
+                on_progress=on_progress,
+            ),
+        )
+    print(json.dumps(report.to_document(), indent=2) if as_json else report.to_text())
+
+
+def _demo_recording() -> str:
+    from civil_rgbd.simulator import cached_demo_recording
+
+    click.echo("no source given: building the simulated demo bridge", err=True)
+    return str(cached_demo_recording())
+
+
+def _info(bridge_id: str, path: Path | None, licence: str | None, *, simulated: bool) -> BridgeInfo:
+    from civil_rgbd.domain.bridge import BridgeInfo
+    from civil_rgbd.format.bridge_info import bridge_info_from_toml
+
+    if path is not None:
+        info = bridge_info_from_toml(path, bridge_id)
+    elif simulated:
+        info = BridgeInfo(bridge_id, licence="CC0-1.0", name="Simulated girder bridge")
+    else:
+        info = BridgeInfo(bridge_id)
+    return replace(info, licence=licence) if licence else info
+
+
+def _processors() -> int:
+    # The processors that this process may use: a job on a cluster has fewer than the machine.
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
