@@ -151,10 +151,13 @@ def recipe_from_document(document: dict[str, Any], *, where: object) -> Recipe:
 
 def _in_their_types(kind: type[Any], values: dict[str, Any]) -> dict[str, Any]:
     # TOML may write 1 for 1.0; the hash of a recipe must not depend on it.
-    defaults = {field.name: field.default for field in dataclasses.fields(kind)}
+    numbers: dict[str, type[Any]] = {
+        field.name: type(field.default)
+        for field in dataclasses.fields(kind)
+        if type(field.default) in {int, float}
+    }
     return {
-        name: type(defaults[name])(value) if type(defaults[name]) in (int, float) else value
-        for name, value in values.items()
+        name: numbers[name](value) if name in numbers else value for name, value in values.items()
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -48,14 +49,18 @@ class BuildReport:
         """Return it for people."""
         counts = self.counts
         lines = [
-            f"{self.bridge_id}: {counts.frames_kept} frames of {counts.images_seen} images, "
-            f"recipe {self.recipe}",
+            (
+                f"{self.bridge_id}: {counts.frames_kept} frames of {counts.images_seen} images, "
+                f"recipe {self.recipe}"
+            ),
             *_listed("images dropped", counts.dropped),
             *_listed("points dropped", counts.points_dropped, total=counts.points_seen),
             *_listed("messages skipped", counts.skipped),
             f"  depth in      {_percent(counts.mean_valid_share)} of the pixels on average",
-            f"  points        {counts.mean_points_in_view or 0:,.0f} of a frame's in view, "
-            f"{counts.mean_age_span_s or 0:.2f} s from oldest to newest",
+            (
+                f"  points        {counts.mean_points_in_view or 0:,.0f} of a frame's in view, "
+                f"{counts.mean_age_span_s or 0:.2f} s from oldest to newest"
+            ),
         ]
         if self.missing_pixels:
             lines.append(f"  no source for {self.missing_pixels} pixels of every image")
@@ -73,7 +78,7 @@ class BuildReport:
         return "\n".join(lines)
 
 
-def _listed(title: str, counts: dict[str, int], *, total: int | None = None) -> list[str]:
+def _listed(title: str, counts: Mapping[str, int], *, total: int | None = None) -> list[str]:
     entries = [f"{reason} {count:,}" for reason, count in counts.items() if count]
     if not entries:
         return []

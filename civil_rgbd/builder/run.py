@@ -18,7 +18,7 @@ from civil_rgbd.builder.bridge import (
 from civil_rgbd.builder.checks import check_before_start, require_images_fit
 from civil_rgbd.builder.chunks import BRIDGE, ChunkRecord, Job, finished_chunks
 from civil_rgbd.builder.executors import EXECUTORS, use_one_thread
-from civil_rgbd.builder.plan import Plan, chunks_of, plan_frames
+from civil_rgbd.builder.plan import chunks_of, plan_frames
 from civil_rgbd.builder.provenance import build_identity
 from civil_rgbd.builder.report import BuildReport
 from civil_rgbd.domain.bridge import BridgeInfo, Manifest
