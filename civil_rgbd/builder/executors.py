@@ -42,10 +42,14 @@ def in_processes(
         CivilRgbdError: what a chunk itself raised.
     """
     waiting = list(reversed(chunks))
+    suspects: list[Chunk] = []
     attempts = dict.fromkeys(chunks, 0)
-    while waiting:
+    while waiting or suspects:
+        # Whose worker died is not told: those that were running are tried again, each alone.
+        alone = [suspects.pop()] if suspects else None
+        queue, at_once = (alone, 1) if alone else (waiting, workers)
         pool = ProcessPoolExecutor(
-            max_workers=min(workers, len(waiting)),
+            max_workers=min(at_once, len(queue)),
             # Spawn: a fork copies locks that other threads of the parent may hold.
             mp_context=multiprocessing.get_context("spawn"),
             initializer=_start_worker,
@@ -53,13 +57,12 @@ def in_processes(
         )
         running: dict[Future[ChunkRecord], Chunk] = {}
         try:
-            yield from _drain(pool, running, waiting, workers=workers, on_frames=on_frames)
+            yield from _drain(pool, running, queue, workers=at_once, on_frames=on_frames)
         except BrokenProcessPool:
-            # Whose worker died is not told: every chunk that was running is tried again.
             for chunk in running.values():
                 attempts[chunk] += 1
                 _refuse_poison(job, chunk, attempts[chunk])
-                waiting.append(chunk)
+                suspects.append(chunk)
         finally:
             _stop(pool)
 
