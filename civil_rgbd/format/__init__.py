@@ -1,0 +1,1 @@
+"""The on-disk format: bridge folders and datasets, read and written."""

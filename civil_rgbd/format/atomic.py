@@ -1,0 +1,250 @@
+"""Files and folders that are whole or absent, and locks that die with their holder."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from civil_rgbd.errors import OutputError
+
+_POLL_S: Final = 0.05
+_LOCKED_BYTE: Final = 1 << 30  # beyond the holder's note: Windows forbids reading a locked byte
+_held: set[tuple[int, str]] = set()  # (process, lock file): POSIX locks do not bar their own holder
+
+
+@contextmanager
+def writing(where: object) -> Iterator[None]:
+    """Turn the system's refusals to write inside the block into OutputErrors.
+
+    Args:
+        where: the file or folder that is written, for the message.
+
+    Raises:
+        OutputError: the disk is full, the folder is not writable, or the like.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(
+            f"cannot write: {error.strerror or error}",
+            where=where,
+            fix="free some space, or make the folder writable, or write elsewhere",
+        ) from error
+
+
+@contextmanager
+def whole_file(path: Path, *, sync: bool = True) -> Iterator[Path]:
+    """Give a scratch path to write to; it becomes ``path`` only if the block succeeds.
+
+    Args:
+        path: the file to make; its folder exists.
+        sync: bring the bytes to the disk before the rename; without it the caller syncs later.
+
+    Raises:
+        OutputError: the system refuses to write.
+    """
+    scratch = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    with writing(path):
+        try:
+            yield scratch
+            if sync:
+                _sync(scratch)
+            scratch.replace(path)
+            if sync:
+                _sync(path.parent)
+        finally:
+            with contextlib.suppress(OSError):
+                scratch.unlink(missing_ok=True)
+
+
+def _sync(path: Path) -> None:
+    """Bring a file or folder to the disk; folders only where the system lets one open them."""
+    # Windows flushes only handles that may write, and opens no folders at all.
+    flags = os.O_RDWR if os.name == "nt" else os.O_RDONLY
+    if os.name == "nt" and path.is_dir():
+        return
+    handle = os.open(path, flags)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def sync_tree(folder: Path) -> None:
+    """Bring every file and folder below ``folder``, and itself, to the disk.
+
+    Raises:
+        OutputError: the system refuses.
+    """
+    with writing(folder):
+        for root, _, names in os.walk(folder, topdown=False):
+            for name in names:
+                _sync(Path(root) / name)
+            _sync(Path(root))
+
+
+def _aside(destination: Path) -> Path:
+    return destination.with_name(f".{destination.name}.replaced")
+
+
+def recover_folder(destination: Path) -> None:
+    """Undo what a kill in the middle of :func:`publish_folder` left behind.
+
+    The old folder moves back when the new one did not arrive, and is deleted when it did. Call it
+    under the lock, before looking at ``destination``.
+
+    Raises:
+        OutputError: the system refuses.
+    """
+    aside = _aside(destination)
+    if not aside.exists():
+        return
+    with writing(destination):
+        if destination.exists():
+            shutil.rmtree(aside)
+        else:
+            aside.rename(destination)
+
+
+def publish_folder(partial: Path, destination: Path, *, replace: bool) -> None:
+    """Make a finished folder appear by one rename.
+
+    An old folder is moved aside first and deleted afterwards: a kill leaves the old or the new one
+    whole, in the gap between two renames under a name that :func:`recover_folder` knows.
+
+    Args:
+        partial: the finished folder, synced, on the same file system.
+        destination: where it belongs.
+        replace: take the place of an existing folder; without it one is an error.
+
+    Raises:
+        OutputError: ``destination`` exists, or the system refuses.
+    """
+    recover_folder(destination)
+    if destination.exists() and not replace:
+        raise OutputError(
+            "the folder exists already", where=destination, fix="give --overwrite to replace it"
+        )
+    with writing(destination):
+        destination.parent.mkdir(parents=True, exist_ok=True)
+        aside = _aside(destination)
+        if destination.exists():
+            destination.rename(aside)
+        try:
+            partial.rename(destination)
+        except OSError:
+            if aside.exists():
+                aside.rename(destination)
+            raise
+        _sync(destination.parent)
+        _sync(partial.parent)
+        if aside.exists():
+            shutil.rmtree(aside)
+
+
+@contextmanager
+def folder_lock(path: Path, *, wait_s: float = 0.0) -> Iterator[None]:
+    """Hold the only right to write a folder.
+
+    The lock file ``.<name>.lock`` lies beside the folder, so that the folder can be renamed, and
+    goes with the lock. Workers that the holder forked do not hold it.
+
+    Args:
+        path: the folder; it need not exist, its parent is made.
+        wait_s: how long to wait for another holder.
+
+    Raises:
+        OutputError: another process holds it, or the system refuses to write.
+    """
+    lock_file = path.with_name(f".{path.name.lstrip('.')}.lock")
+    with writing(lock_file):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    key = (os.getpid(), str(lock_file.resolve()))
+    deadline = time.monotonic() + wait_s
+    handle = None
+    while handle is None:
+        handle = None if key in _held else _try(lock_file)
+        if handle is None:
+            if time.monotonic() >= deadline:
+                raise OutputError(
+                    f"{_holder(lock_file, key)} is writing here", where=path, fix=_fix(lock_file)
+                )
+            time.sleep(_POLL_S)
+    _held.add(key)
+    try:
+        yield
+    finally:
+        _held.discard(key)
+        _release(handle, lock_file)
+
+
+def _fix(lock_file: Path) -> str:
+    return f"wait for it to finish or end it; {lock_file.name} goes when its holder does"
+
+
+def _try(lock_file: Path) -> int | None:
+    with writing(lock_file):
+        handle = os.open(lock_file, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        _lock(handle)
+    except OSError:
+        os.close(handle)
+        return None
+    if os.name != "nt" and not _is_still(handle, lock_file):
+        os.close(handle)  # its last holder deleted it between our opening and our locking
+        return None
+    with contextlib.suppress(OSError):  # the note is a courtesy; a full disk must not stop us here
+        os.ftruncate(handle, 0)
+        os.write(handle, f"process {os.getpid()}".encode())
+    return handle
+
+
+def _is_still(handle: int, lock_file: Path) -> bool:
+    try:
+        there = lock_file.stat()
+    except FileNotFoundError:
+        return False
+    here = os.fstat(handle)
+    return (here.st_dev, here.st_ino) == (there.st_dev, there.st_ino)
+
+
+def _release(handle: int, lock_file: Path) -> None:
+    if os.name != "nt":
+        # Deleted while still held: whoever opened it meanwhile sees that it is no longer there.
+        with contextlib.suppress(OSError):
+            lock_file.unlink()
+    os.close(handle)
+    if os.name == "nt":
+        with contextlib.suppress(OSError):
+            lock_file.unlink()
+
+
+def _holder(lock_file: Path, key: tuple[int, str]) -> str:
+    if key in _held:
+        return "this very process"
+    try:
+        return lock_file.read_text("utf-8") or "another process"
+    except (OSError, ValueError):
+        return "another process"
+
+
+if os.name == "nt":
+    import msvcrt  # only there on Windows
+
+    def _lock(handle: int) -> None:
+        os.lseek(handle, _LOCKED_BYTE, os.SEEK_SET)
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]  # Windows only
+        os.lseek(handle, 0, os.SEEK_SET)
+
+else:
+    import fcntl
+
+    def _lock(handle: int) -> None:
+        # Not flock: that one survives in forked workers after their parent was killed.
+        fcntl.lockf(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
