@@ -1,0 +1,224 @@
+"""Procedural textures: what a surface looks like, for every material, at every distance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from civil_rgbd.simulator.waves import sine
+
+TILE_PX: Final = 512
+LEVELS: Final = 9  # 512, 256 ... 2: each level halves the one before
+STAIN_TEXEL_M: Final = 0.12
+"""One texel of the large-scale stain, which hides that tiles repeat."""
+
+_MARGIN_PX = 1  # the tile goes on over its edge, so that bilinear lookups wrap
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """A surface.
+
+    Attributes:
+        colour: mean albedo, red green blue, 0 to 1.
+        tile_m: length of one texture tile.
+        reflectivity: what a LiDAR reports, 0 to 255.
+        stain: how strongly the large-scale stain shows, 0 to 1.
+    """
+
+    colour: tuple[float, float, float]
+    tile_m: float
+    reflectivity: int
+    stain: float = 0.35
+
+
+MATERIALS: Final = {
+    "wall": Material((0.50, 0.48, 0.44), 3.0, 60, 0.55),
+    "slab": Material((0.52, 0.50, 0.47), 3.0, 65, 0.5),
+    "girder": Material((0.56, 0.54, 0.50), 2.4, 70, 0.4),
+    "paving": Material((0.47, 0.46, 0.44), 2.4, 50),
+    "road": Material((0.15, 0.15, 0.16), 4.0, 15, 0.3),
+    "grass": Material((0.13, 0.21, 0.06), 3.0, 35, 0.5),
+    "foliage": Material((0.09, 0.16, 0.05), 2.0, 30, 0.4),
+    "bark": Material((0.16, 0.11, 0.07), 1.0, 25),
+    "rubber": Material((0.05, 0.05, 0.05), 1.0, 8, 0.1),
+    "sign": Material((0.85, 0.62, 0.04), 1.0, 180, 0.0),
+}
+"""Every material that a face can be made of."""
+
+
+def noise(rng: np.random.Generator, *, size_px: int, cells: tuple[int, int]) -> NDArray[np.float32]:
+    """Return smooth noise that wraps: (size, size) float32, -1 to 1, ``cells`` bumps each way."""
+    # In numpy alone: OpenCV's float resize may differ in the last bit from processor to processor.
+    values = rng.random(cells, dtype=np.float32) * 2 - 1
+    for axis, count in enumerate(cells):
+        place = (np.arange(size_px, dtype=np.float32) + 0.5) * np.float32(count / size_px)
+        before = np.floor(place).astype(int)
+        share = place - before
+        weight = share * share * (3 - 2 * share)
+        weight = weight.reshape((-1, 1) if axis == 0 else (1, -1))
+        low, high = values.take(before % count, axis), values.take((before + 1) % count, axis)
+        values = low + (high - low) * weight
+    return values
+
+
+def octaves(
+    rng: np.random.Generator, *, start: int, count: int, size_px: int = TILE_PX, gain: float = 0.6
+) -> NDArray[np.float32]:
+    """Add up noises of doubling fineness: (size, size) float32, about -1 to 1."""
+    total = np.zeros((size_px, size_px), dtype=np.float32)
+    for k in range(count):
+        cells = start * 2**k
+        total += np.float32(gain**k) * noise(rng, size_px=size_px, cells=(cells, cells))
+    return total
+
+
+def _boards(rng: np.random.Generator, count: int) -> NDArray[np.float32]:
+    """Formwork: boards side by side, each of its own shade, with a dark joint."""
+    shades = rng.uniform(-0.07, 0.07, count).astype(np.float32)
+    board = np.arange(TILE_PX) * count // TILE_PX
+    line: NDArray[np.float32] = shades[board]
+    line[np.flatnonzero(np.diff(board, prepend=-1))] -= 0.16
+    return line
+
+
+def _joints(lines: NDArray[np.float32], spacing_px: int, depth: float) -> NDArray[np.float32]:
+    lines[::spacing_px] -= depth
+    lines[1::spacing_px] -= depth / 2
+    return lines
+
+
+def _concrete(rng: np.random.Generator, *, boards: int, across: bool) -> NDArray[np.float32]:
+    shade = 0.10 * octaves(rng, start=4, count=6)
+    pattern = np.broadcast_to(_boards(rng, boards)[:, np.newaxis], shade.shape)
+    shade += pattern if across else pattern.T
+    seeds = (rng.random((TILE_PX, TILE_PX), dtype=np.float32) > 0.9985).astype(np.float32)
+    pores: NDArray[np.float32] = cv2.dilate(seeds, np.ones((2, 2), np.uint8))
+    return shade - np.float32(0.28) * pores
+
+
+def _wall(rng: np.random.Generator) -> NDArray[np.float32]:
+    shade = _joints(_concrete(rng, boards=20, across=True), 256, 0.15)
+    runs = noise(rng, size_px=TILE_PX, cells=(4, 64))
+    runs += np.float32(0.6) * noise(rng, size_px=TILE_PX, cells=(8, 128))
+    shade -= np.float32(0.16) * np.maximum(runs, 0)  # water has run down it
+    return shade
+
+
+def _slab(rng: np.random.Generator) -> NDArray[np.float32]:
+    return _concrete(rng, boards=16, across=False)
+
+
+def _girder(rng: np.random.Generator) -> NDArray[np.float32]:
+    return 0.09 * octaves(rng, start=4, count=6) + 0.03 * noise(
+        rng, size_px=TILE_PX, cells=(128, 4)
+    )
+
+
+def _paving(rng: np.random.Generator) -> NDArray[np.float32]:
+    shade = 0.12 * octaves(rng, start=8, count=6)
+    return _joints(_joints(shade, 256, 0.2).T.copy(), 256, 0.2).T
+
+
+def _road(rng: np.random.Generator) -> NDArray[np.float32]:
+    grit = rng.random((TILE_PX, TILE_PX), dtype=np.float32) - 0.5
+    return 0.10 * octaves(rng, start=4, count=5) + 0.6 * grit
+
+
+def _leafy(rng: np.random.Generator) -> NDArray[np.float32]:
+    return 0.42 * octaves(rng, start=16, count=5, gain=0.8)
+
+
+def _bark(rng: np.random.Generator) -> NDArray[np.float32]:
+    return 0.4 * noise(rng, size_px=TILE_PX, cells=(4, 64))
+
+
+def _plain(rng: np.random.Generator) -> NDArray[np.float32]:
+    return 0.02 * octaves(rng, start=8, count=3)
+
+
+_SHADES: Final[dict[str, Callable[[np.random.Generator], NDArray[np.float32]]]] = {
+    "wall": _wall,
+    "slab": _slab,
+    "girder": _girder,
+    "paving": _paving,
+    "road": _road,
+    "grass": _leafy,
+    "foliage": _leafy,
+    "bark": _bark,
+    "rubber": _plain,
+    "sign": _plain,
+}
+
+
+def _tile(material: str, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return (TILE_PX, TILE_PX, 3) albedo; row 0 is the lower end."""
+    shade = 1 + _SHADES[material](rng)
+    tint = 1 + 0.05 * octaves(rng, start=2, count=3)[..., np.newaxis] * [1.0, 0.2, -1.0]
+    colour = np.asarray(MATERIALS[material].colour)
+    albedo = np.clip(shade[..., np.newaxis] * tint * colour, 0.01, 1.0)
+    tile: NDArray[np.float32] = albedo.astype(np.float32)
+    return tile
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Atlas:
+    """All tiles of all materials in one picture, each with its ever coarser copies.
+
+    Attributes:
+        albedo: (H, W, 3) uint8, 255 = 1.0 after a square root, red green blue.
+        lefts_px: (M, LEVELS) float32, column of the tile's first texel.
+        tops_px: (M, LEVELS) float32, its row.
+        stain: (TILE_PX + 2, TILE_PX + 2) uint8, 128 = none; wraps.
+    """
+
+    albedo: NDArray[np.uint8]
+    lefts_px: NDArray[np.float32]
+    tops_px: NDArray[np.float32]
+    stain: NDArray[np.uint8]
+
+
+def _halved(tile: NDArray[np.float32]) -> NDArray[np.float32]:
+    total: NDArray[np.float32] = (
+        tile[::2, ::2] + tile[1::2, ::2] + tile[::2, 1::2] + tile[1::2, 1::2]
+    )
+    return total / np.float32(4)
+
+
+@cache
+def atlas() -> Atlas:
+    """Draw every texture, once a process."""
+    width = (TILE_PX + 2 * _MARGIN_PX) * len(MATERIALS)
+    height = 2 * TILE_PX + 2 * _MARGIN_PX * LEVELS
+    picture = np.zeros((height, width, 3), dtype=np.uint8)
+    lefts = np.empty((len(MATERIALS), LEVELS), dtype=np.float32)
+    tops = np.empty_like(lefts)
+    for m, material in enumerate(MATERIALS):
+        tile = _tile(material, np.random.default_rng([m, 2025]))
+        left, top = m * (TILE_PX + 2 * _MARGIN_PX), 0
+        for level in range(LEVELS):
+            edged = np.pad(tile, ((1, 1), (1, 1), (0, 0)), mode="wrap")
+            size = len(edged)
+            picture[top : top + size, left : left + size] = np.sqrt(edged) * 255 + 0.5
+            lefts[m, level], tops[m, level] = left + _MARGIN_PX, top + _MARGIN_PX
+            top += size
+            tile = _halved(tile)
+    large = octaves(np.random.default_rng(2026), start=8, count=6, gain=0.65)
+    stain = np.pad(np.clip(large * 85 + 128, 0, 255), 1, mode="wrap")
+    return Atlas(picture, lefts, tops, stain.astype(np.uint8))
+
+
+@cache
+def sky_picture() -> NDArray[np.float32]:
+    """Clouds seen from below: (TILE_PX, TILE_PX) float32, 0 = blue to 1 = white; does not wrap."""
+    cloud = octaves(np.random.default_rng(2027), start=4, count=6)
+    # The edge fades out, so that whatever lies beyond joins on.
+    fade = sine((np.arange(TILE_PX) + 0.5) / (2 * TILE_PX)).astype(np.float32)
+    veil: NDArray[np.float32] = np.clip(cloud * 1.1 + 0.35, 0, 1) * np.outer(fade, fade)
+    return veil

@@ -1,0 +1,148 @@
+"""The inspector's walk, and how the sensors hang on the frame that is carried."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from civil_rgbd.constants import NS_PER_S
+from civil_rgbd.geometry.transforms import (
+    compose,
+    matrix_from_quaternion,
+    quaternion_from_matrix,
+    rotate,
+    transform_from,
+    unit_quaternion,
+)
+from civil_rgbd.simulator.spec import ScanSpec
+from civil_rgbd.simulator.waves import chain_turns, cosine, sine, turn_about, turn_towards
+
+START_NS: Final = 1_700_000_000 * NS_PER_S
+"""The instant at which every walk starts, LiDAR clock."""
+
+POSE_RATE_HZ: Final = 200
+
+# A long, narrow oval past and under the southern span: there on the sidewalk, back on the lane.
+_HALF_LENGTH_M = 14.0
+_HALF_WIDTH_M = 1.0
+_MIDDLE_Y_M = -6.9
+_START_TURNS = 0.102  # of the oval: some 11 m before the middle of the bridge
+_CHEST_M = 1.45
+
+_DIFFERENCE_NS = 1_000_000
+_GRAVITY_M_S2 = 9.80665
+
+
+def imu_poses(
+    spec: ScanSpec, stamps_ns: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where the IMU is: the true poses, in closed form.
+
+    Args:
+        spec: the scan.
+        stamps_ns: (N,) int64, LiDAR clock.
+
+    Returns:
+        translations (N, 3) float64 metres, map frame; quaternions (N, 4) float64, xyzw, unit,
+        w >= 0: ``T_map_imu``.
+    """
+    t = (stamps_ns - START_NS).astype(np.float64) / NS_PER_S
+    place, quaternions = _stroll(t, speed_m_s=spec.speed_m_s)
+    return place + np.asarray(spec.map_offset_m), unit_quaternion(quaternions)
+
+
+def _stroll(
+    t: NDArray[np.float64], *, speed_m_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    moving = min(speed_m_s, 1.0)  # who stands still neither bobs nor looks around
+    oval = _START_TURNS + t * (speed_m_s / _HALF_LENGTH_M / (2 * math.pi))
+    sin, cos = sine(oval), cosine(oval)
+    gait = 1.8 * t  # steps a second
+    x = -_HALF_LENGTH_M * cos
+    y = _MIDDLE_Y_M - _HALF_WIDTH_M * sin + 0.012 * moving * sine(gait / 2)
+    z = _CHEST_M + 0.018 * moving * sine(gait)
+    ahead = turn_towards(_HALF_LENGTH_M * sin, -_HALF_WIDTH_M * cos)
+    yaw = 0.34 + moving * (0.30 * sine(t / 9.7) + 0.008 * sine(gait / 2 + 0.1))
+    up = 0.16 + moving * (0.11 * sine(t / 5.3 - 0.25) + 0.005 * sine(gait + 0.3))
+    roll = 0.015 + 0.012 * moving * sine(gait / 2 + 0.4)
+    turns = chain_turns(ahead, turn_about(2, yaw), turn_about(1, -up), turn_about(0, roll))
+    return np.stack([x, y, z], axis=1), turns
+
+
+def imu_readings(
+    spec: ScanSpec, stamps_ns: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what the IMU measures, by differences of the true poses.
+
+    Args:
+        spec: the scan.
+        stamps_ns: (N,) int64, LiDAR clock.
+
+    Returns:
+        angular velocity (N, 3) rad/s; specific force (N, 3) in g, as Livox gives it; IMU frame.
+    """
+    (p0, q0), (p1, q1), (p2, q2) = (
+        imu_poses(spec, stamps_ns + shift) for shift in (-_DIFFERENCE_NS, 0, _DIFFERENCE_NS)
+    )
+    step_s = _DIFFERENCE_NS / NS_PER_S
+    conjugate = q0 * np.array([-1.0, -1.0, -1.0, 1.0])
+    turned = unit_quaternion(chain_turns(conjugate, q2))
+    force = (p2 - 2 * p1 + p0) / step_s**2 + np.array([0.0, 0.0, _GRAVITY_M_S2])
+    unturn = q1 * np.array([-1.0, -1.0, -1.0, 1.0])
+    return turned[:, :3] / step_s, rotate(unturn, force) / _GRAVITY_M_S2
+
+
+def pose_stamps_ns(spec: ScanSpec) -> NDArray[np.int64]:
+    """Return the stamps of the recorded poses and of the IMU: (P,) int64, both ends included."""
+    count = math.floor(spec.seconds * POSE_RATE_HZ + 1e-9) + 1
+    return START_NS + np.arange(count, dtype=np.int64) * (NS_PER_S // POSE_RATE_HZ)
+
+
+def image_instants_ns(spec: ScanSpec) -> NDArray[np.int64]:
+    """Return when the images are truly taken: (I,) int64, LiDAR clock."""
+    count = math.floor(spec.seconds * spec.image_rate_hz + 1e-9)
+    seconds = (np.arange(count) + 0.5) / spec.image_rate_hz
+    instants = START_NS + np.rint(seconds * NS_PER_S).astype(np.int64)
+    taken: NDArray[np.int64] = instants[instants <= pose_stamps_ns(spec)[-1]]
+    return taken
+
+
+def camera_poses(spec: ScanSpec, stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the true ``T_map_camera`` (N, 4, 4) float64 at (N,) stamps, LiDAR clock."""
+    translations, quaternions = imu_poses(spec, stamps_ns)
+    T_map_imu = transform_from(matrix_from_quaternion(quaternions), translations)
+    return compose(T_map_imu, T_IMU_LIDAR, T_LIDAR_CAMERA)
+
+
+def stated_T_lidar_camera(spec: ScanSpec) -> NDArray[np.float64]:
+    """Return the camera's pose in the LiDAR frame as the recording states it, errors and all."""
+    if not any((*spec.extrinsic_error_deg, *spec.extrinsic_error_m)):
+        return T_LIDAR_CAMERA
+    angles = np.radians(np.asarray(spec.extrinsic_error_deg))
+    error = chain_turns(*(turn_about(axis, angles[axis : axis + 1]) for axis in range(3)))
+    T_camera_stated = _mounted(error[0], spec.extrinsic_error_m)
+    wrong = compose(T_LIDAR_CAMERA, T_camera_stated)
+    return _mounted(quaternion_from_matrix(wrong[:3, :3]), wrong[:3, 3])
+
+
+def _mounted(quaternion_xyzw: NDArray[np.float64], place_m: ArrayLike) -> NDArray[np.float64]:
+    # By way of a quaternion, as files state it: reading one back then gives the same bits.
+    return transform_from(matrix_from_quaternion(unit_quaternion(quaternion_xyzw)), place_m)
+
+
+def _camera_mount() -> NDArray[np.float64]:
+    # Optical axes in a body that looks along x: right = -y, down = -z, forward = x.
+    axes = quaternion_from_matrix([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    tilts = [turn_about(2, np.array([-0.021])), turn_about(1, np.array([-0.049]))]
+    turned = chain_turns(*tilts, turn_about(0, np.array([0.014])), axes[np.newaxis])
+    first = _mounted(turned[0], [0.021, 0.034, 0.093])
+    return _mounted(quaternion_from_matrix(first[:3, :3]), first[:3, 3])
+
+
+# The Avia's LiDAR in its own IMU: Livox Avia user manual; no rotation.
+T_IMU_LIDAR: Final = transform_from(np.eye(3), [0.04165, 0.02326, -0.0284])
+T_LIDAR_CAMERA: Final = _camera_mount()
+"""The true mount: the camera 9 cm above the LiDAR, tilted a little about all three axes."""
