@@ -174,7 +174,7 @@ def document_text(document: Document) -> str:
     """
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     # Vectors on one line. A string never matches: line feeds inside strings are escaped.
-    return _VECTOR.sub(lambda match: f"[{', '.join(match[1].split())}]".replace(",,", ","), text)
+    return _VECTOR.sub(lambda match: f"[{' '.join(match[1].split())}]", text)
 
 
 def write_text(path: Path, text: str) -> None:
