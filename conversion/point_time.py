@@ -1,0 +1,185 @@
+"""When each point was measured: what a cloud's time field means."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from civil_rgbd.constants import MAX_POINT_TIME_OFFSET_NS, NS_PER_S
+from civil_rgbd.conversion.cdr import CdrError
+from civil_rgbd.errors import RecordingError, UsageError
+from civil_rgbd.resources import nearest
+
+UNIT_NS: Final = {"s": NS_PER_S, "ms": 1_000_000, "us": 1_000, "ns": 1}
+"""Nanoseconds in each unit of ``--point-time``."""
+
+REFERENCES: Final = {"header": "header", "epoch": "epoch", "absolute": "epoch"}
+"""What ``--point-time`` may count from: the message's stamp, or the LiDAR clock's zero."""
+
+IGNORE: Final = "none"
+"""``--point-time none``: every point has its message's stamp."""
+
+# (name, numpy type) -> unit, reference. None: seconds or nanoseconds, whichever the size says.
+_KNOWN: Final[dict[tuple[str, str], tuple[str | None, str]]] = {
+    ("t", "u4"): ("ns", "header"),  # Ouster
+    ("offset_time", "u4"): ("ns", "header"),  # Livox
+    ("time", "f4"): ("s", "header"),  # Velodyne
+    ("timestamp", "f8"): (None, "epoch"),  # Hesai, RoboSense: s; Livox driver 2: ns
+}
+_LOOKS_LIKE_TIME: Final = re.compile(r"^(t|ts|dt)$|time|stamp", re.IGNORECASE)
+_FAR_NS: Final = 4_000_000_000_000_000_000  # the year 2096; sums with a header stamp stay in int64
+
+
+@dataclass(frozen=True, slots=True)
+class PointTime:
+    """How to read a cloud's point times.
+
+    Attributes:
+        field: the cloud's field.
+        unit: key of :data:`UNIT_NS`; None = seconds or nanoseconds by magnitude.
+        reference: ``header`` or ``epoch``.
+        unsigned: the values cannot be negative.
+    """
+
+    field: str
+    unit: str | None
+    reference: str
+    unsigned: bool
+
+    @property
+    def reach_ns(self) -> tuple[int, int]:
+        """How far a point's stamp may lie from its header's, inclusive."""
+        offsets = self.unsigned and self.reference == "header"
+        return (0 if offsets else -MAX_POINT_TIME_OFFSET_NS, MAX_POINT_TIME_OFFSET_NS)
+
+
+def point_time_of(types: dict[str, str], option: str | None, *, where: object) -> PointTime | None:
+    """Find out which field holds the point times, and in which unit.
+
+    Args:
+        types: field name to numpy type without byte order, ``"f4"``.
+        option: ``FIELD:UNIT:REFERENCE``, ``none``, or None.
+        where: file and topic, for errors.
+
+    Returns:
+        None when the cloud has no point times.
+
+    Raises:
+        UsageError: the option does not fit.
+        RecordingError: a field looks like a time, but its unit is not known.
+
+    >>> point_time_of({"x": "f4", "t": "u4"}, None, where="")
+    PointTime(field='t', unit='ns', reference='header', unsigned=True)
+    """
+    if option is not None:
+        return _from_option(types, option, where=where)
+    for (name, code), (unit, reference) in _KNOWN.items():
+        if types.get(name) == code:
+            return PointTime(name, unit, reference, unsigned=code == "u4")
+    unclear = [name for name in types if _LOOKS_LIKE_TIME.search(name)]
+    if unclear:
+        name = unclear[0]
+        raise RecordingError(
+            f"field {name!r} ({types[name]}) looks like a point time in an unknown unit",
+            where=where,
+            fix=f"say what it means: `--point-time {name}:UNIT:REFERENCE` with UNIT one of "
+            f"{', '.join(UNIT_NS)} and REFERENCE header or epoch; or `--point-time none`",
+        )
+    return None
+
+
+def _from_option(types: dict[str, str], option: str, *, where: object) -> PointTime | None:
+    if option == IGNORE:
+        return None
+    field, *rest = option.split(":")
+    if len(rest) != 2 or rest[0] not in UNIT_NS or rest[1] not in REFERENCES:
+        raise UsageError(
+            f"--point-time {option!r} is not FIELD:UNIT:REFERENCE",
+            where="--point-time",
+            fix=f"UNIT is one of {', '.join(UNIT_NS)}, REFERENCE header or epoch, "
+            "e.g. `--point-time t:us:header`; `none` ignores point times",
+        )
+    if field not in types:
+        raise UsageError(
+            f"--point-time names a field that the clouds do not have: {field!r}",
+            where=where,
+            fix=nearest(field, types),
+        )
+    return PointTime(field, rest[0], REFERENCES[rest[1]], unsigned=types[field].startswith("u"))
+
+
+def point_stamps_ns(
+    values: NDArray[np.generic], rule: PointTime, *, header_ns: int, points: NDArray[np.floating]
+) -> NDArray[np.int64]:
+    """Turn a cloud's time field into stamps.
+
+    Points without a return may carry junk; theirs become the header's stamp.
+
+    Args:
+        values: (N,) as recorded.
+        rule: what they mean.
+        header_ns: the message's stamp.
+        points: (N, 3) metres; tells which points are returns.
+
+    Returns:
+        (N,) int64 nanoseconds, LiDAR clock.
+
+    Raises:
+        CdrError: a return lies further from the header than a message can be long.
+    """
+    unit_ns = UNIT_NS[rule.unit or _unit_by_magnitude(values, header_ns)]
+    offsets_ns, usable = _whole_ns(values, unit_ns)
+    if rule.reference == "epoch":
+        offsets_ns -= header_ns
+    near = usable & (np.abs(offsets_ns) <= MAX_POINT_TIME_OFFSET_NS)
+    if not near.all():
+        returned = np.isfinite(points).all(axis=1) & (points != 0).any(axis=1)
+        astray = returned & ~near
+        if astray.any():
+            raise CdrError(_astray(rule, offsets_ns[returned & usable], header_ns, astray))
+        offsets_ns = np.where(near, offsets_ns, 0)
+    stamps_ns: NDArray[np.int64] = offsets_ns + header_ns
+    return stamps_ns
+
+
+def _unit_by_magnitude(values: NDArray[np.generic], header_ns: int) -> str:
+    # Nanoseconds are a thousand million times seconds: a factor of 100,000 above the header's
+    # own seconds tells them apart, for clocks that count from 1970 and for those from power-on.
+    seconds = values.astype(np.float64)
+    finite = seconds[np.isfinite(seconds)]
+    largest = float(np.abs(finite).max()) if len(finite) else 0.0
+    return "ns" if largest > 1e5 * max(abs(header_ns) / NS_PER_S, 1.0) else "s"
+
+
+def _whole_ns(
+    values: NDArray[np.generic], unit_ns: int
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    if values.dtype.kind in "iu":
+        whole = values.astype(np.int64) * unit_ns  # at most 2^32 s = 4.3e18 ns
+        return whole, np.ones(len(values), dtype=np.bool_)
+    floats = values.astype(np.float64)
+    usable = np.isfinite(floats)
+    usable &= np.abs(np.where(usable, floats, 0.0)) * unit_ns < _FAR_NS
+    floats = np.where(usable, floats, 0.0)
+    whole = np.floor(floats)  # apart from the fraction, which would lose its last bits
+    ns = whole.astype(np.int64) * unit_ns + np.rint((floats - whole) * unit_ns).astype(np.int64)
+    return ns, usable
+
+
+def _astray(
+    rule: PointTime, offsets_ns: NDArray[np.int64], header_ns: int, astray: NDArray[np.bool_]
+) -> str:
+    header_s = header_ns / NS_PER_S
+    if not len(offsets_ns):
+        return f"field {rule.field!r} holds no finite point time; the header is at {header_s} s"
+    first_s = int(offsets_ns.min()) / NS_PER_S
+    last_s = int(offsets_ns.max()) / NS_PER_S
+    return (
+        f"the times of {int(astray.sum())} points are more than "
+        f"{MAX_POINT_TIME_OFFSET_NS / NS_PER_S:g} s from their header: field {rule.field!r} spans "
+        f"{header_s + first_s:.6f} to {header_s + last_s:.6f} s, the header is at {header_s:.6f} s"
+    )

@@ -1,0 +1,178 @@
+"""From a table of topics to the ones that a build reads."""
+
+from __future__ import annotations
+
+from civil_rgbd.conversion.cdr import frame_name
+from civil_rgbd.conversion.gathering import (
+    Gathered,
+    GatheredCameraInfo,
+    GatheredFrame,
+    GatheredTransforms,
+)
+from civil_rgbd.conversion.ros_images import is_photograph
+from civil_rgbd.conversion.topics import (
+    Topic,
+    TopicTable,
+    ask_which,
+    none_found,
+    same_camera,
+)
+from civil_rgbd.domain.recording import RecordingOptions
+from civil_rgbd.errors import RecordingError
+
+_NO_POSES_FIX = (
+    "record poses along (nav_msgs/Odometry, geometry_msgs/PoseStamped, nav_msgs/Path or tf) and "
+    "name them with --pose-topic; say what they are of with --pose-of where they have no child "
+    "frame, and give extrinsics that tf lacks with --rig"
+)
+
+
+def choose_lidar(table: TopicTable, options: RecordingOptions, *, where: object) -> Topic:
+    """Choose the point clouds.
+
+    Raises:
+        UsageError: several fit, or the option names none.
+        RecordingError: there are none, or they come in several frames.
+    """
+    topic = _choose(
+        table,
+        "lidar",
+        options.lidar_topic,
+        where=where,
+        fix="record sensor_msgs/PointCloud2 or a Livox CustomMsg",
+    )
+    if len(topic.gathered.frames) > 1:
+        raise RecordingError(
+            f"the point clouds come in several frames: {', '.join(sorted(topic.gathered.frames))}",
+            where=f"{where}: {topic.name}",
+            fix="record each LiDAR under a topic of its own",
+        )
+    return topic
+
+
+def choose_images(table: TopicTable, options: RecordingOptions, *, where: object) -> Topic:
+    """Choose the images; depth images are left aside unless named.
+
+    Raises:
+        UsageError: several fit, or the option names none.
+        RecordingError: there are none.
+    """
+    return _choose(
+        table,
+        "image",
+        options.image_topic,
+        where=where,
+        fix="record sensor_msgs/CompressedImage (JPEG, PNG) or sensor_msgs/Image",
+        fitting=[
+            topic
+            for topic in table.of_role("image")
+            if is_photograph(topic.gathered.first, compressed="Compressed" in topic.type_name)
+        ],
+    )
+
+
+def choose_camera_info(
+    table: TopicTable, options: RecordingOptions, images: Topic, *, where: object
+) -> GatheredCameraInfo | None:
+    """Choose the camera model of the chosen images: that in their namespace, else the only one.
+
+    Raises:
+        UsageError: several fit, or the option names none.
+    """
+    found = table.of_role("camera_info")
+    if options.camera_info_topic is not None:
+        found = [table.named(options.camera_info_topic, "camera_info", where=where)]
+    elif len(found) > 1:
+        found = same_camera(found, images.name) or found
+    if len(found) > 1:
+        raise ask_which(found, "camera_info", where=where)
+    if not found:
+        return None
+    _refuse_faults(found[0], where)
+    gathered = found[0].gathered
+    return gathered if isinstance(gathered, GatheredCameraInfo) else None
+
+
+def choose_poses(table: TopicTable, options: RecordingOptions, *, where: object) -> Topic | None:
+    """Choose the poses; None when only tf is left to ask.
+
+    Raises:
+        UsageError: several fit, or the option names none.
+        RecordingError: there are none.
+    """
+    found = table.of_role("pose")
+    if options.pose_topic is not None:
+        found = [table.named(options.pose_topic, "pose", where=where)]
+    if len(found) > 1:
+        raise ask_which(found, "pose", where=where)
+    if found:
+        _refuse_faults(found[0], where)
+        return found[0] if found[0].role == "pose" else None
+    table.refuse_other_encodings("pose", where=where)
+    if not table.of_role("tf"):
+        raise no_poses(where)
+    return None
+
+
+def no_poses(where: object, why: str = "") -> RecordingError:
+    """Compose the error for a recording without poses."""
+    error = none_found("pose", _NO_POSES_FIX, where=where)
+    return error if not why else RecordingError(f"{error.what}: {why}", where=where, fix=error.fix)
+
+
+def transforms_gathered(
+    table: TopicTable, options: RecordingOptions
+) -> tuple[list[GatheredTransforms], list[GatheredTransforms]]:
+    """Return what was gathered from tf_static topics, and from the other tf topics.
+
+    Where ``--pose-topic`` names a tf topic, only that one's links may carry the poses.
+    """
+    static, moving = [], []
+    for topic in table.of_role("tf"):
+        if isinstance(topic.gathered, GatheredTransforms):
+            is_static = topic.name.endswith("tf_static") and topic.name != options.pose_topic
+            (static if is_static else moving).append(topic.gathered)
+    return static, moving
+
+
+def imu_frame(table: TopicTable) -> str:
+    """Return the frame of the IMU messages; empty when there are none or several."""
+    frames = {
+        frame_name(topic.gathered.frame)
+        for topic in table.of_role("imu")
+        if isinstance(topic.gathered, GatheredFrame)
+    }
+    return frames.pop() if len(frames) == 1 else ""
+
+
+def _choose(
+    table: TopicTable,
+    role: str,
+    wanted: str | None,
+    *,
+    where: object,
+    fix: str,
+    fitting: list[Topic] | None = None,
+) -> Topic:
+    if wanted is not None:
+        topic = table.named(wanted, role, where=where)
+    else:
+        found = table.of_role(role) if fitting is None else fitting
+        if len(found) > 1:
+            raise ask_which(found, role, where=where)
+        if not found:
+            table.refuse_other_encodings(role, where=where)
+            raise none_found(role, fix, where=where)
+        topic = found[0]
+    _refuse_faults(topic, where)
+    return topic
+
+
+def _refuse_faults(topic: Topic, where: object) -> None:
+    gathered: Gathered = topic.gathered
+    if gathered.fault is not None:
+        raise RecordingError(
+            f"a message breaks its own layout: {gathered.fault}",
+            where=f"{where}: {topic.name}",
+            fix="record it again, or choose another topic; a damaged file may also do this",
+        )

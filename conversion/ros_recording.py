@@ -1,0 +1,131 @@
+"""A ROS 2 recording, whatever container it came in: topics chosen, rig and poses put together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from civil_rgbd.conversion.cdr import decoding
+from civil_rgbd.conversion.gathering import MessageIndex
+from civil_rgbd.conversion.livox import scan_from_livox
+from civil_rgbd.conversion.point_clouds import scan_from_cloud
+from civil_rgbd.conversion.point_time import PointTime
+from civil_rgbd.conversion.ros_images import rgb_from_compressed, rgb_from_image
+from civil_rgbd.domain.recording import CameraImage, RecordingNotes, SourceFile
+from civil_rgbd.domain.rig import Rig
+from civil_rgbd.domain.scan import LidarScan
+from civil_rgbd.errors import RecordingError
+from civil_rgbd.geometry.trajectory import Trajectory
+
+NO_REACH: Final = (0, 0)
+"""Every point has its message's stamp."""
+
+
+class Payloads(Protocol):
+    """Fetches single messages; can be pickled."""
+
+    def fetch(self, chunk_start: int, offset: int, length: int) -> memoryview:
+        """Return one message's payload.
+
+        Raises:
+            RecordingError: it cannot be read any more.
+        """
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stream:
+    """One topic's messages, ready to be decoded.
+
+    Attributes:
+        topic: its name.
+        type_name: plain message type.
+        index: where the messages lie.
+    """
+
+    topic: str
+    type_name: str
+    index: MessageIndex
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RosRecording:
+    """An indexed ROS 2 recording; fits :class:`civil_rgbd.domain.recording.Recording`.
+
+    Attributes:
+        name: the file's stem.
+        sources: the files behind it.
+        notes: what a reader of the built bridge must know.
+        rig: camera, extrinsics, time offset.
+        trajectory: ``T_map_body``, LiDAR clock.
+        payloads: fetches messages.
+        scans: the point clouds.
+        images: the images.
+        point_time: how a PointCloud2's time field is to be read; None for Livox messages, which
+            know it themselves, and for clouds without.
+        point_reach_ns: how far point stamps may lie from their header's.
+        in_map: the clouds are in the map frame already.
+    """
+
+    name: str
+    sources: tuple[SourceFile, ...]
+    notes: RecordingNotes
+    rig: Rig
+    trajectory: Trajectory
+    payloads: Payloads
+    scans: Stream
+    images: Stream
+    point_time: PointTime | None
+    point_reach_ns: tuple[int, int]
+    in_map: bool
+
+    @property
+    def image_stamps_ns(self) -> NDArray[np.int64]:
+        """(I,) header stamps of all images, camera clock, message order."""
+        return self.images.index.stamps_ns
+
+    @property
+    def scan_stamps_ns(self) -> NDArray[np.int64]:
+        """(S,) header stamps of all LiDAR messages, message order."""
+        return self.scans.index.stamps_ns
+
+    def read_scan(self, index: int) -> LidarScan:
+        """Decode one LiDAR message.
+
+        Raises:
+            RecordingError: the message breaks its own layout.
+        """
+        payload = self.payloads.fetch(*self.scans.index.place(index))
+        with decoding(f"point cloud {index}", where=self._where(self.scans)):
+            if self.scans.type_name == "sensor_msgs/PointCloud2":
+                return scan_from_cloud(payload, self.point_time, in_map=self.in_map)
+            return scan_from_livox(payload, in_map=self.in_map)
+
+    def read_image(self, index: int) -> CameraImage:
+        """Decode one image.
+
+        Raises:
+            ImageDecodeError: this one image cannot be decoded; others may.
+            RecordingError: the images do not fit the camera.
+        """
+        payload = self.payloads.fetch(*self.images.index.place(index))
+        where = f"{self._where(self.images)}, image {index}"
+        with decoding(f"image {index}", where=where):
+            compressed = self.images.type_name == "sensor_msgs/CompressedImage"
+            decode = rgb_from_compressed if compressed else rgb_from_image
+            rgb = decode(payload, where=where)
+        camera = self.rig.camera.pinhole
+        if rgb.shape[:2] != (camera.height_px, camera.width_px):
+            raise RecordingError(
+                f"images have {rgb.shape[1]} x {rgb.shape[0]} pixels, the camera model "
+                f"{camera.width_px} x {camera.height_px}",
+                where=where,
+                fix="choose the CameraInfo of this camera (--camera-info-topic), or give the "
+                "camera in a rig file (--rig)",
+            )
+        return CameraImage(index, int(self.images.index.stamps_ns[index]), rgb)
+
+    def _where(self, stream: Stream) -> str:
+        return f"{self.sources[0].name}: {stream.topic}"
