@@ -78,8 +78,8 @@ def _drain(
     """Keep the workers busy until nothing waits; ``running`` is what a broken pool loses."""
     while waiting or running:
         while waiting and len(running) < workers:
-            chunk = waiting.pop()
-            running[pool.submit(_run_in_worker, chunk)] = chunk
+            future = pool.submit(_run_in_worker, waiting[-1])  # raises when the pool is broken
+            running[future] = waiting.pop()
         for future in wait(running, return_when=FIRST_COMPLETED).done:
             record = future.result()  # BrokenProcessPool leaves the chunk in `running`
             del running[future]

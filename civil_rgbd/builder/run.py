@@ -134,6 +134,10 @@ def _publish(
         (frame for record in records for frame in record.frames),
         key=lambda frame: frame.source_index,
     )
+    if [frame.source_index for frame in frames] != [frame.source_index for frame in job.frames]:
+        raise RuntimeError(
+            f"{len(job.frames)} frames were planned, {len(frames)} came back: an executor lost some"
+        )
     rows = [frame.row for frame in frames if frame.row is not None]
     if not rows:
         remove_partial(job.partial)

@@ -101,7 +101,8 @@ def refresh_dataset(dataset_folder: Path, *, name: str | None = None) -> Dataset
 
     Args:
         dataset_folder: the dataset; ``dataset.json`` is made when it is missing.
-        name: the dataset's name; without one the old name stays, else it is the folder's.
+        name: the dataset's name; without one the old name stays, else it is ``unnamed``: a folder's
+            name says nothing, and the same build elsewhere must give the same bytes.
 
     Returns:
         what ``dataset.json`` says now.
@@ -116,7 +117,7 @@ def refresh_dataset(dataset_folder: Path, *, name: str | None = None) -> Dataset
         bridges = tuple(dataset_bridges(dataset_folder))
         refuse_same_ids(bridges, where=dataset_folder)
         old = _rewritable(path) if path.exists() else None
-        fresh = old or DatasetRecord(name=dataset_folder.resolve().name or "dataset")
+        fresh = old or DatasetRecord(name="unnamed")
         fresh = replace(fresh, bridges=bridges, name=name or fresh.name)
         if fresh != old:
             write_dataset(path, fresh)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import errno
+import json
 import os
 import signal
 import subprocess
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 
 from civil_rgbd.builder import executors
-from civil_rgbd.builder.chunks import DONE
+from civil_rgbd.builder.chunks import BRIDGE, DONE
 from civil_rgbd.builder.recipes import load_recipe
 from civil_rgbd.builder.run import BuildOptions, build_bridge
 from civil_rgbd.domain.recipe import Recipe
@@ -113,10 +114,13 @@ def test_a_finished_chunk_with_a_damaged_file_is_made_again(
     with pytest.raises(KeyboardInterrupt):
         build_bridge(recording, recipe, tmp_path, INFO, BuildOptions(on_progress=_StopAfter(9)))
     partial = tmp_path / PARTIAL / "B9"
-    depth = min(partial.rglob("*.exr"))
+    emptied, other = sorted((partial / DONE).glob("*.json"))
+    emptied.write_text("")  # as a power cut leaves it
+    depth_path = next(
+        f["row"]["depth_path"] for f in json.loads(other.read_text())["frames"] if f["row"]
+    )
+    depth = partial / BRIDGE / depth_path
     depth.write_bytes(depth.read_bytes()[:-7] + b"garbage")
-    record = sorted((partial / DONE).glob("*.json"))[1]
-    record.write_text("")
 
     report = build_bridge(recording, recipe, tmp_path, INFO, QUIET)
 
