@@ -116,17 +116,21 @@ class _Walk:
         self._file.seek(at)
         head = self._file.read(RECORD.size)
         if len(head) < RECORD.size:
-            return self._stop(at, "ends there without a footer")
-        opcode, length = RECORD.unpack(head)
+            self._note(at, "ends there without a footer")
+            return None
+        opcode: int = head[0]
+        length = int.from_bytes(head[1:], "little")
         body, after = at + RECORD.size, at + RECORD.size + length
         if opcode == DATA_END or (opcode == FOOTER and not self._extent.whole):
             self._extent.whole = True
         if opcode == 0:
-            return self._stop(at, "has no record where one begins")
+            self._note(at, "has no record where one begins")
+            return None
         if opcode == CHUNK:
             self._chunk(at, min(length, self._size - body, _LARGEST_READ), cut=after > self._size)
         if after > self._size:
-            return self._stop(at, f"is cut inside a record of {length} bytes")
+            self._note(at, f"is cut inside a record of {length} bytes")
+            return None
         if opcode == FOOTER:
             return None
         if opcode in (SCHEMA, CHANNEL):
@@ -135,7 +139,7 @@ class _Walk:
             self._message_outside_of_chunks(body, length)
         return after
 
-    def _stop(self, at: int, what: str) -> None:
+    def _note(self, at: int, what: str) -> None:
         if self._extent.whole:
             self._extent.remarks.append(
                 f"the summary {what} (byte {at} of {self._size}); no message is lost"

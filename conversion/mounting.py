@@ -87,9 +87,9 @@ def mount(frames: Frames, tf: FrameTree, rig: RigFile, *, where: object) -> Moun
         _say_what_the_body_is(roles, frames)
     for a, b in [("body", "lidar"), ("body", "camera"), ("lidar", "camera"), ("body", "imu")]:
         if roles.find(a, b) is None and frames.named(a) and frames.named(b):
-            T_a_b = tf.find(frames.named(a), frames.named(b))
-            if T_a_b is not None:
-                roles.link(a, b, T_a_b)
+            found = tf.find(frames.named(a), frames.named(b))
+            if found is not None:
+                roles.link(a, b, found)
     T_body_camera, T_body_lidar = roles.find("body", "camera"), roles.find("body", "lidar")
     if T_body_lidar is None and frames.in_map:
         T_body_lidar = np.eye(4)  # never used: the points are in the map already

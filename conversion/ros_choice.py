@@ -127,7 +127,8 @@ def transforms_gathered(
 
     Where ``--pose-topic`` names a tf topic, only that one's links may carry the poses.
     """
-    static, moving = [], []
+    static: list[GatheredTransforms] = []
+    moving: list[GatheredTransforms] = []
     for topic in table.of_role("tf"):
         if isinstance(topic.gathered, GatheredTransforms):
             is_static = topic.name.endswith("tf_static") and topic.name != options.pose_topic
