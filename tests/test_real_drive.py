@@ -7,16 +7,19 @@ The twin reads the file with ``mcap-ros2-support``, moves points with scipy, and
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from civil_rgbd.format.reader import read_bridge
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 from scipy.spatial.transform import Rotation
 
 from civil_rgbd.cli import main
+from civil_rgbd.format.reader import read_bridge
 
 DRIVE = Path(__file__).parents[2] / "shared/data/kitti_bridge_drive/kitti_20frames.mcap"
 STEP_M = 1 / 1024
@@ -43,14 +46,18 @@ def _matrix(translation: Any, rotation: Any) -> np.ndarray:
     return T
 
 
+def _decoded() -> Iterator[tuple[str, Any]]:
+    with DRIVE.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, _, ros in reader.iter_decoded_messages():
+            yield channel.topic, ros
+
+
 @pytest.fixture(scope="module")
 def twin() -> Twin:
-    from mcap_ros2.reader import read_ros2_messages
-
     clouds, stamps, poses, K, size, T_lidar_camera = [], [], [], None, None, None
-    for message in read_ros2_messages(str(DRIVE)):
-        ros = message.ros_msg
-        match message.channel.topic:
+    for topic, ros in _decoded():
+        match topic:
             case "/velodyne_points":
                 fields = np.frombuffer(ros.data, dtype="<f4").reshape(-1, ros.point_step // 4)
                 clouds.append(fields[:, :3].astype(np.float64))
