@@ -59,7 +59,8 @@ def coloured(depth_m: NDArray[np.float32]) -> NDArray[np.uint8]:
     share = np.where(valid, np.clip((far - log_depth) / max(far - near, 1e-6), 0, 1), 0)
     # Single points vanish when a page shows the picture smaller: each covers its neighbours, and
     # the nearest (largest) wins.
-    grown = cv2.dilate((1 + 254 * share * valid).astype(np.uint8) * valid, np.ones((2, 2), np.uint8))
+    levels = np.where(valid, 1 + 254 * share, 0).astype(np.uint8)
+    grown = cv2.dilate(levels, np.ones((2, 2), np.uint8))
     picture = cv2.applyColorMap(grown, cv2.COLORMAP_INFERNO)
     picture[grown == 0] = NOT_MEASURED_BGR
     return np.asarray(picture, dtype=np.uint8)
