@@ -42,7 +42,7 @@ def cached_demo_recording(
 
     Args:
         spec: the scan; None is the demo, with its fixed seed.
-        progress: called with (images done, images in all) while simulating.
+        progress: called with (images newly done, images in all) while simulating.
 
     Returns:
         an MCAP file in the user's cache. Its folder goes by a hash of the spec and the simulator,

@@ -61,7 +61,7 @@ _IMAGE_DELAY_NS: Final = 12_000_000  # from exposure to the recorder's disk
 _THREADS: Final = min(2, os.cpu_count() or 1)
 
 Message = tuple[int, str, bytes]
-Progress = Callable[[int, int], None]
+Progress = Callable[[int, int], object]
 
 
 def write_recording(
@@ -73,7 +73,7 @@ def write_recording(
         path: the file; its folder is made if it is missing.
         spec: the scan. Equal specs give equal bytes.
         overwrite: replace a file that is there.
-        progress: called with (images done, images in all).
+        progress: called with (images newly done, images in all).
 
     Raises:
         OutputError: the file is there already, or cannot be written.
@@ -179,7 +179,7 @@ def _images(spec: ScanSpec, progress: Progress) -> Iterator[Message]:
         yield log_time_ns, "/camera/color/camera_info", info
         image = image_message(stamps[index], CAMERA_FRAME, jpeg)
         yield log_time_ns, "/camera/color/image_raw/compressed", image
-        progress(index + 1, len(stamps))
+        progress(1, len(stamps))
 
 
 def _jpegs(spec: ScanSpec, count: int) -> Iterator[bytes]:

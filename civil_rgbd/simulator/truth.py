@@ -1,0 +1,141 @@
+"""What a simulated recording does not say: true poses, true dimensions, true depth.
+
+Kept in a folder of its own beside the recording. Only the simulator, benchmarks and tests read it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from civil_rgbd.domain.frame import frame_id_from
+from civil_rgbd.errors import OutputError
+from civil_rgbd.geometry.camera import PinholeCamera
+from civil_rgbd.geometry.transforms import quaternion_from_matrix
+from civil_rgbd.simulator.bridge import scene_of
+from civil_rgbd.simulator.camera import raw_camera, true_depth
+from civil_rgbd.simulator.spec import ScanSpec
+from civil_rgbd.simulator.walk import (
+    T_IMU_LIDAR,
+    T_LIDAR_CAMERA,
+    camera_poses,
+    image_instants_ns,
+    imu_poses,
+    pose_stamps_ns,
+)
+
+_COLUMNS = "stamp_ns,tx,ty,tz,qx,qy,qz,qw"
+
+
+def truth_folder(recording: Path) -> Path:
+    """Return where the truth of a recording lies.
+
+    >>> truth_folder(Path("scans/raw.mcap")).as_posix()
+    'scans/raw.truth'
+    """
+    return recording.with_name(f"{recording.stem}.truth")
+
+
+def write_truth(
+    recording: Path, spec: ScanSpec, *, depth_camera: PinholeCamera | None = None
+) -> Path:
+    """Write the truth of a recording beside it, replacing what is there; whole or absent.
+
+    Args:
+        recording: the MCAP file.
+        spec: what it was simulated from.
+        depth_camera: the pinhole to write the depth of every image for; None writes no depth.
+
+    Returns:
+        the folder: ``scene.json`` (dimensions, sensors, spec), ``scene.ply`` (the faces),
+        ``images.csv`` (``T_map_camera`` of each image at its true instant), ``poses.csv``
+        (``T_map_imu``, 200 Hz), ``depth/000000.npy`` (float64 metres, 0 where the sky is).
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    folder = truth_folder(recording)
+    scratch = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
+    try:
+        try:
+            scratch.mkdir(parents=True)
+            _write_documents(scratch, spec)
+            if depth_camera is not None:
+                _write_depth(scratch / "depth", spec, depth_camera)
+            remove_truth(recording)
+            scratch.rename(folder)
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
+    except OSError as error:
+        raise OutputError(
+            f"cannot write the truth: {error.strerror or error}",
+            where=folder,
+            fix="free some space, or make the folder writable, or write elsewhere",
+        ) from error
+    return folder
+
+
+def remove_truth(recording: Path) -> None:
+    """Remove the truth of a recording, if there is one.
+
+    Raises:
+        OutputError: it cannot be removed.
+    """
+    folder = truth_folder(recording)
+    try:
+        if folder.exists():
+            shutil.rmtree(folder)
+    except OSError as error:
+        raise OutputError(
+            f"cannot remove the truth of another scan: {error.strerror or error}",
+            where=folder,
+            fix="remove the folder, or write elsewhere",
+        ) from error
+
+
+def _write_documents(folder: Path, spec: ScanSpec) -> None:
+    scene = scene_of(spec.bridge)
+    document = {
+        "spec": spec.document(),
+        "dimensions_m": scene.dimensions_m,
+        "spalls": [],
+        "raw_camera": asdict(raw_camera(spec.image_scale)),
+        "T_imu_lidar": T_IMU_LIDAR.tolist(),
+        "T_lidar_camera": T_LIDAR_CAMERA.tolist(),
+    }
+    text = json.dumps(document, indent=2) + "\n"
+    (folder / "scene.json").write_text(text, encoding="utf-8")
+    mesh = scene.mesh()
+    mesh.apply_translation(spec.map_offset_m)
+    (folder / "scene.ply").write_bytes(mesh.export(file_type="ply"))
+    instants, stamps = image_instants_ns(spec), pose_stamps_ns(spec)
+    poses = camera_poses(spec, instants)
+    turns = np.array([quaternion_from_matrix(R) for R in poses[:, :3, :3]]).reshape(-1, 4)
+    _write_poses(folder / "images.csv", instants, poses[:, :3, 3], turns)
+    _write_poses(folder / "poses.csv", stamps, *imu_poses(spec, stamps))
+
+
+def _write_poses(
+    path: Path,
+    stamps_ns: NDArray[np.int64],
+    translations_m: NDArray[np.float64],
+    quaternions_xyzw: NDArray[np.float64],
+) -> None:
+    rows = np.hstack([translations_m, quaternions_xyzw]).tolist()
+    lines = [
+        ",".join(map(repr, (stamp, *row)))
+        for stamp, row in zip(stamps_ns.tolist(), rows, strict=True)
+    ]
+    path.write_text("\n".join([_COLUMNS, *lines]) + "\n", encoding="utf-8")
+
+
+def _write_depth(folder: Path, spec: ScanSpec, camera: PinholeCamera) -> None:
+    folder.mkdir()
+    for index in range(len(image_instants_ns(spec))):
+        np.save(folder / f"{frame_id_from(index)}.npy", true_depth(spec, index, camera))
