@@ -1,0 +1,30 @@
+"""What every room's tests share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, Phase, settings
+
+# Examples are the same in every run: a failure here is a failure everywhere.
+settings.register_profile(
+    "fixed",
+    derandomize=True,
+    deadline=None,  # the first call compiles a kernel
+    max_examples=60,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+# For tests/mutations.py: that a test fails is all it asks, not the smallest example.
+settings.register_profile("unshrunk", settings.get_profile("fixed"), phases=[Phase.generate])
+settings.load_profile(os.environ.get("CIVIL_RGBD_HYPOTHESIS", "fixed"))
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of other people's recordings beside the repository; most checkouts have none."""
+    folder = Path(__file__).resolve().parents[2] / "shared" / "data"
+    if not folder.is_dir():
+        pytest.skip(f"needs recordings that may not be shipped, in {folder.name!r} beside the repo")
+    return folder
