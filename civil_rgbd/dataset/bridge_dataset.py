@@ -15,7 +15,7 @@ from torch.utils.data import Dataset
 
 from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.dataset.index import FrameIndex, read_index
-from civil_rgbd.dataset.samples import keep_decoders_to_one_thread, read_sample, read_window
+from civil_rgbd.dataset.samples import read_sample, read_window, stop_decoder_threads
 from civil_rgbd.dataset.splits import FrameChoice
 from civil_rgbd.dataset.transforms import Transform
 from civil_rgbd.errors import UsageError
@@ -59,7 +59,7 @@ class BridgeDataset(Dataset[dict[str, Any]]):
         frames: FrameChoice | None = None,
         transform: Transform | None = None,
     ) -> None:
-        keep_decoders_to_one_thread()
+        stop_decoder_threads()
         self._index = read_index(Path(location), bridges=bridges, split=split, frames=frames)
         self._transform = transform
 
@@ -126,7 +126,7 @@ class BridgeSequenceDataset(Dataset[dict[str, Any]]):
                 where=location,
                 fix="give a length and a stride of at least 1",
             )
-        keep_decoders_to_one_thread()
+        stop_decoder_threads()
         self._index = read_index(Path(location), bridges=bridges, split=split, frames=frames)
         self._length = length
         self._transform = transform

@@ -38,7 +38,7 @@ def read_sample(index: FrameIndex, place: int) -> dict[str, Any]:
     Raises:
         FormatError: a file is missing, damaged, or of another size than its camera.
     """
-    keep_decoders_to_one_thread()
+    _keep_to_one_thread(os.getpid(), is_worker=get_worker_info() is not None)
     bridge = int(index.bridge_numbers[place])
     folder, (height, width) = index.folders[bridge], index.sizes_px[bridge].tolist()
     rgb_path = folder / index.rgb_paths[place].decode()
@@ -88,18 +88,18 @@ def read_window(index: FrameIndex, places: range) -> dict[str, Any]:
     }
 
 
-def keep_decoders_to_one_thread() -> None:
-    """Tell the decoders, once in each process, to start no threads of their own.
+def stop_decoder_threads() -> None:
+    """Stop OpenEXR's threads in this process, so that it can be forked.
 
-    The workers are the parallelism. And threads do not survive a fork: a child that finds the
-    decoder's pool of its parent waits for it for ever.
+    Threads do not survive a fork: a child that finds its parent's pool waits for it for ever.
     """
-    _keep_to_one_thread(os.getpid(), is_worker=get_worker_info() is not None)
+    OpenEXR.set_global_thread_count(0)
 
 
 @cache
 def _keep_to_one_thread(process: int, *, is_worker: bool) -> None:  # noqa: ARG001 - the cache's key
-    OpenEXR.set_global_thread_count(0)
+    """Tell the decoders, once in each process, to start no threads: the workers are many enough."""
+    stop_decoder_threads()
     if is_worker:  # the main process belongs to the user, who may want OpenCV's threads
         # 0, not 1: with 1 a forked OpenCV waits for the end of the parent's threads, and hangs.
         cv2.setNumThreads(0)
