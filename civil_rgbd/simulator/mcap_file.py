@@ -86,7 +86,11 @@ def write_recording(
         )
     with _whole_file(path) as stream:
         writer = Writer(
-            stream, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD, enable_crcs=True
+            stream,
+            chunk_size=_CHUNK_BYTES,
+            compression=CompressionType.ZSTD,
+            enable_crcs=True,
+            enable_data_crcs=True,
         )
         writer.start(profile="ros2", library=LIBRARY)
         writer.add_metadata("civil_rgbd", {"origin": "simulated"})

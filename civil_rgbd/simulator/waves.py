@@ -22,7 +22,7 @@ def sine(turns: NDArray[np.float64]) -> NDArray[np.float64]:
     Returns:
         (...,) float64.
 
-    >>> sine(np.array([0.0, 0.25, 0.5, 0.75])).tolist()
+    >>> sine(np.array([0.0, 0.25, 0.5, 0.75])).round(12).tolist()
     [0.0, 1.0, 0.0, -1.0]
     """
     folded = turns - np.rint(turns)
@@ -39,7 +39,7 @@ def sine(turns: NDArray[np.float64]) -> NDArray[np.float64]:
 def cosine(turns: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the cosine of angles (...,) given in whole turns, float64.
 
-    >>> cosine(np.array([0.0, 0.5])).tolist()
+    >>> cosine(np.array([0.0, 0.5])).round(12).tolist()
     [1.0, -1.0]
     """
     return sine(turns + 0.25)

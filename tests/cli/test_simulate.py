@@ -1,0 +1,85 @@
+"""``civil-rgbd simulate`` from outside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from civil_rgbd.cli import main
+
+QUICK = ["--seconds", "0.3", "--image-scale", "0.05", "--point-rate-hz", "600"]
+
+
+def test_it_writes_a_recording_and_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = main(["simulate", str(tmp_path / "raw.mcap"), *QUICK])
+
+    assert code == 0
+    assert "0.3 s of bridge 'demo'" in capsys.readouterr().out
+    assert [entry.name for entry in tmp_path.iterdir()] == ["raw.mcap"]
+
+
+def test_the_truth_is_written_beside_it_on_request(tmp_path: Path) -> None:
+    code = main(["simulate", str(tmp_path / "raw.mcap"), *QUICK, "--truth-depth-scale", "0.5"])
+
+    assert code == 0
+    assert sorted(entry.name for entry in (tmp_path / "raw.truth").iterdir()) == [
+        "depth",
+        "images.csv",
+        "poses.csv",
+        "scene.json",
+        "scene.ply",
+    ]
+
+
+def test_overwriting_without_truth_removes_the_old_truth(tmp_path: Path) -> None:
+    out = str(tmp_path / "raw.mcap")
+    assert main(["simulate", out, *QUICK, "--truth"]) == 0
+    assert (tmp_path / "raw.truth").exists()
+
+    assert main(["simulate", out, *QUICK, "--seed", "1", "--overwrite"]) == 0
+
+    assert not (tmp_path / "raw.truth").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--seconds", "-1"], "seconds is -1.0, not between 0.2 and 3600"),
+        (["--seconds", "long"], "seconds is 'long', not a number"),
+        (["--noise-m", "nan"], "range_noise_m is nan"),
+        (["--seed", "1.5"], "not a whole number"),
+        (["--bridge", "dem"], "did you mean 'demo'"),
+        (["--camera-time-offset-s", "inf"], "camera_time_offset_s is inf"),
+        (["--truth-depth-scale", "0"], "0"),
+    ],
+)
+def test_a_value_that_does_not_fit_is_a_clear_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str
+) -> None:
+    code = main(["simulate", str(tmp_path / "raw.mcap"), *options])
+
+    assert code == 2
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_is_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "raw.mcap").write_bytes(b"precious")
+
+    code = main(["simulate", str(tmp_path / "raw.mcap"), *QUICK])
+
+    assert code == 2
+    assert "there already" in capsys.readouterr().err
+    assert (tmp_path / "raw.mcap").read_bytes() == b"precious"
+
+
+def test_a_name_without_mcap_is_refused_with_the_right_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = main(["simulate", str(tmp_path / "raw.bag"), *QUICK])
+
+    assert code == 2
+    assert "write to 'raw.mcap'" in capsys.readouterr().err

@@ -1,0 +1,128 @@
+"""The LiDAR's points lie where scipy says that the scene is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from civil_rgbd.simulator.lidar import beam_directions, scan_stamps_ns, simulate_scan
+from civil_rgbd.simulator.spec import ScanSpec
+from civil_rgbd.simulator.walk import START_NS, imu_poses
+
+SPEC = ScanSpec(seconds=2.0, point_rate_hz=60_000)
+AVIA_IN_IMU = np.array([0.04165, 0.02326, -0.0284])
+
+
+def _in_map(spec: ScanSpec, index: int, *, at_header: bool) -> np.ndarray:
+    scan = simulate_scan(spec, index)
+    stamps = scan.stamp_ns + (0 if at_header else 1) * scan.offset_ns.astype(np.int64)
+    places, turns = imu_poses(spec, stamps)
+    points = places + Rotation.from_quat(turns).apply(scan.points_lidar + AVIA_IN_IMU)
+    return points[scan.points_lidar.any(axis=1)]
+
+
+def test_points_on_the_road_lie_in_its_plane_when_each_is_placed_at_its_own_time() -> None:
+    points = _in_map(SPEC, 7, at_header=False)
+    road = points[(np.abs(points[:, 1] + 3.5) < 2.2) & (points[:, 2] < 0.5)]
+
+    assert len(road) > 300
+    assert np.abs(road[:, 2]).max() < 2e-5  # float32 points
+
+
+def test_points_placed_at_the_headers_time_are_smeared() -> None:
+    points = _in_map(SPEC, 7, at_header=True)
+    road = points[(np.abs(points[:, 1] + 3.5) < 2.2) & (points[:, 2] < 0.3)]
+
+    assert np.abs(road[:, 2]).max() > 5e-3
+
+
+def test_the_field_of_view_is_that_of_the_avia() -> None:
+    times = np.arange(480_000, dtype=np.int64) * 4_167
+    beams = beam_directions(times, (np.arange(480_000) % 6).astype(np.uint8))
+    azimuth = np.degrees(np.arctan2(beams[:, 1], beams[:, 0]))
+    elevation = np.degrees(np.arcsin(beams[:, 2]))
+
+    np.testing.assert_allclose(np.linalg.norm(beams, axis=1), 1.0, atol=1e-14)
+    assert azimuth.max() - azimuth.min() == pytest.approx(70.4, abs=0.5)
+    assert elevation.max() - elevation.min() == pytest.approx(77.2, abs=0.5)
+
+
+def test_the_rosette_goes_on_covering_new_ground() -> None:
+    def occupied_cells(seconds: float) -> int:
+        count = int(240_000 * seconds)
+        beams = beam_directions(
+            np.arange(count, dtype=np.int64) * 4_167, (np.arange(count) % 6).astype(np.uint8)
+        )
+        cells = np.floor(np.degrees(np.arcsin(beams[:, 1:])) / 0.2).astype(int)
+        return len(np.unique(cells, axis=0))
+
+    shares = np.array([occupied_cells(s) for s in (0.1, 0.5, 1.0, 4.0)])
+    assert (np.diff(shares) > 0.1 * shares[-1]).all()
+
+
+def test_the_six_lines_fire_in_turn_at_even_times() -> None:
+    scan = simulate_scan(ScanSpec(seconds=1.0), 3)
+
+    assert scan.line[:7].tolist() == [0, 1, 2, 3, 4, 5, 0]
+    assert len(scan.points_lidar) == 24_000
+    assert set(np.diff(scan.offset_ns.astype(np.int64)).tolist()) == {4166, 4167}
+    assert int(scan.offset_ns[-1]) < 100_000_000
+    assert scan.stamp_ns == START_NS + 300_000_000
+
+
+def test_what_is_out_of_range_gives_no_return() -> None:
+    spec = ScanSpec(seconds=1.0, point_rate_hz=60_000, min_range_m=4.0, max_range_m=20.0)
+    scan = simulate_scan(spec, 0)
+    ranges = np.linalg.norm(scan.points_lidar.astype(np.float64), axis=1)
+
+    returned = ranges[ranges > 0]
+    assert 0.2 < len(returned) / len(ranges) < 0.95
+    assert 4.0 - 1e-5 <= returned.min() < returned.max() <= 20.0 + 1e-5
+    assert (scan.reflectivity[ranges == 0] == 0).all()
+    assert not np.signbit(scan.points_lidar[ranges == 0]).any()
+
+
+def test_range_noise_moves_points_along_their_beams_by_its_sigma() -> None:
+    quiet = simulate_scan(SPEC, 2).points_lidar.astype(np.float64)
+    noisy = simulate_scan(
+        ScanSpec(seconds=2.0, point_rate_hz=60_000, range_noise_m=0.02), 2
+    ).points_lidar.astype(np.float64)
+    both = quiet.any(axis=1) & noisy.any(axis=1)
+    before, after = (np.linalg.norm(p[both], axis=1) for p in (quiet, noisy))
+
+    assert (after - before).std() == pytest.approx(0.02, rel=0.05)
+    cosine = (quiet[both] * noisy[both]).sum(axis=1) / (before * after)
+    assert cosine.min() > 1 - 1e-9
+
+
+def test_false_returns_lie_in_front_and_carry_the_noise_tag() -> None:
+    true = simulate_scan(SPEC, 2)
+    scan = simulate_scan(ScanSpec(seconds=2.0, point_rate_hz=60_000, false_return_share=0.1), 2)
+    moved = (scan.points_lidar != true.points_lidar).any(axis=1) & scan.points_lidar.any(axis=1)
+
+    assert moved.sum() > 300
+    assert ((scan.tag & 0x0F) != 0)[moved].all()
+    assert not true.tag.any()
+    ranges = np.linalg.norm(scan.points_lidar, axis=1) / np.linalg.norm(
+        true.points_lidar + 1e-9, axis=1
+    )
+    assert ranges[moved].max() < 0.951
+
+
+def test_the_seed_decides_and_the_order_of_reading_does_not() -> None:
+    spec = ScanSpec(seconds=1.0, point_rate_hz=6_000, range_noise_m=0.01)
+    forwards = [simulate_scan(spec, i).points_lidar for i in (0, 1, 2)]
+    backwards = [simulate_scan(spec, i).points_lidar for i in (2, 1, 0)][::-1]
+    other = simulate_scan(
+        ScanSpec(seconds=1.0, point_rate_hz=6_000, range_noise_m=0.01, seed=1), 0
+    ).points_lidar
+
+    for one, two in zip(forwards, backwards, strict=True):
+        np.testing.assert_array_equal(one, two)
+    assert (other != forwards[0]).any()
+
+
+def test_only_whole_messages_are_sent() -> None:
+    assert len(scan_stamps_ns(ScanSpec(seconds=0.95))) == 9
+    assert len(scan_stamps_ns(ScanSpec(seconds=0.3))) == 3

@@ -1,0 +1,58 @@
+"""What a user types becomes a spec, or a clear refusal."""
+
+from __future__ import annotations
+
+import pytest
+
+from civil_rgbd.errors import UsageError
+from civil_rgbd.simulator.spec import ScanSpec, spec_from_location, spec_from_settings
+
+
+def test_a_location_gives_bridge_and_settings() -> None:
+    spec = spec_from_location("simulated:demo?seconds=6&seed=1&range_noise_m=0.02")
+
+    assert spec == ScanSpec(bridge="demo", seconds=6.0, seed=1, range_noise_m=0.02)
+
+
+def test_a_location_without_a_bridge_is_the_demo() -> None:
+    assert spec_from_location("simulated:") == ScanSpec()
+
+
+def test_equal_specs_hash_alike_and_others_do_not() -> None:
+    assert ScanSpec(seed=1).sha256() == ScanSpec(seed=1).sha256()
+    assert ScanSpec(seed=1).sha256() != ScanSpec(seed=2).sha256()
+
+
+@pytest.mark.parametrize(
+    ("location", "what", "fix"),
+    [
+        ("simulated:dmo", "'dmo'", "did you mean 'demo'"),
+        ("simulated:demo?second=6", "'second'", "did you mean 'seconds'"),
+        ("simulated:demo?seconds=six", "'six', not a number", "give a number"),
+        ("simulated:demo?seed=1.5", "'1.5', not a whole number", "give a whole number"),
+        ("simulated:demo?seconds=-1", "seconds is -1.0", "in that range"),
+        ("simulated:demo?seconds=nan", "seconds is nan", "in that range"),
+        ("simulated:demo?range_noise_m=inf", "range_noise_m is inf", "in that range"),
+        ("simulated:demo?point_rate_hz=1000", "not a multiple of 60", "in that range"),
+        ("simulated:demo?seconds", "'seconds' are not of the form", "seconds=6&seed=1"),
+        ("simulated:demo?map_offset_m=1", "'map_offset_m'", "Known"),
+    ],
+)
+def test_a_location_that_does_not_fit_is_refused(location: str, what: str, fix: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        spec_from_location(location)
+
+    assert what in caught.value.what
+    assert fix in caught.value.fix
+    assert caught.value.where == location
+
+
+def test_settings_may_be_numbers_already() -> None:
+    assert spec_from_settings({"seconds": 2, "seed": 3}, where="a test") == ScanSpec(
+        seconds=2.0, seed=3
+    )
+
+
+def test_a_spec_refuses_an_offset_that_is_not_finite() -> None:
+    with pytest.raises(ValueError, match="map_offset_m"):
+        ScanSpec(map_offset_m=(0.0, float("nan"), 0.0))
