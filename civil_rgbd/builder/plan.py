@@ -132,7 +132,9 @@ def chunks_of(todo: list[int], *, workers: int) -> list[Chunk]:
     Returns:
         chunks of neighbouring frames; what they hold does not change what is built.
     """
-    size = max(1, min(CHUNK_FRAMES, -(-len(todo) // (2 * workers))))
+    # One worker waits for nobody; several share a short recording, two chunks each.
+    share = len(todo) if workers == 1 else -(-len(todo) // (2 * workers))
+    size = max(1, min(CHUNK_FRAMES, share))
     chunks: list[Chunk] = []
     first = 0
     for at in range(1, len(todo) + 1):

@@ -56,11 +56,12 @@ def whole_file(path: Path, *, sync: bool = True) -> Iterator[Path]:
             if sync:
                 _sync(scratch)
             scratch.replace(path)
-            if sync:
-                _sync(path.parent)
-        finally:
+        except BaseException:
             with contextlib.suppress(OSError):
                 scratch.unlink(missing_ok=True)
+            raise
+        if sync:
+            _sync(path.parent)
 
 
 def _sync(path: Path) -> None:

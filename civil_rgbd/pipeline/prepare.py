@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,8 +13,9 @@ from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.rig import Rig
 from civil_rgbd.domain.scan import LidarScan
+from civil_rgbd.geometry.motion import move_points
 from civil_rgbd.geometry.trajectory import Trajectory
-from civil_rgbd.geometry.transforms import rotate, transform_points
+from civil_rgbd.geometry.transforms import rotate
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,81 +89,101 @@ def map_scan(
         stamps_ns = np.full(len(scan.points), scan.stamp_ns, dtype=np.int64)
     else:
         stamps_ns = scan.point_stamps_ns
-    usable, counts = _sort_out(scan, recipe, returns_from=None if scan.in_map else scan.points)
-    points, stamps_ns = scan.points[usable], stamps_ns[usable]
-    if (np.diff(stamps_ns) < 0).any():
-        order = np.argsort(stamps_ns, kind="stable")
-        points, stamps_ns = points[order], stamps_ns[order]
+    scanned = np.ascontiguousarray(scan.points)  # one layout: the kernels are compiled once
+    fate = np.zeros(len(scanned), dtype=np.uint8)
+    noise = scan.noise if scan.noise is not None and recipe.filter.drop_noise else _NO_NOISE
+    limits = (recipe.filter.min_range_m, recipe.filter.max_range_m)
+    # Ranges are seen from the sensor: of points that are in the map, only after its pose is known.
+    _judge(scanned, noise, limits if not scan.in_map else (0.0, np.inf), fate)
+    counts = _counted(fate)
+    points, stamps_ns = _in_time_order(scanned, stamps_ns, fate == _COUNTS)
 
-    pose_stamps_ns = _pose_stamps(scan, stamps_ns, deskew=recipe.accumulate.deskew)
-    covered = trajectory.covers(pose_stamps_ns, max_gap_ns=_gap_ns(recipe))
-    covered_points = np.broadcast_to(covered, stamps_ns.shape)
-    outside = int((~covered_points).sum())
-    points, stamps_ns = points[covered_points], stamps_ns[covered_points]
-    if len(pose_stamps_ns) > 1:
-        pose_stamps_ns = pose_stamps_ns[covered]
-    in_range = np.zeros(0, dtype=np.bool_)
-    local = np.zeros((0, 3))
-    if len(points):
-        translations, quaternions = trajectory.at(pose_stamps_ns)
-        if len(pose_stamps_ns) == 1:
-            quaternions = quaternions[0]
-        if scan.in_map:
-            local = points.astype(np.float64) - origin_map
-            # The sensor stands where the pose says; its returns are measured from there.
-            lever = rotate(quaternions, np.broadcast_to(rig.T_body_lidar[:3, 3], points.shape))
-            in_range = _within(local - (lever + (translations - origin_map)), recipe)
-            local, stamps_ns = local[in_range], stamps_ns[in_range]
-        else:
-            points_body = transform_points(rig.T_body_lidar, points)
-            local = rotate(quaternions, points_body) + (translations - origin_map)
-    return MappedScan(
-        points_local=np.ascontiguousarray(local.T, dtype=np.float32),
-        stamps_ns=stamps_ns,
-        counts=PointCounts(
-            **counts
-            | {"outside_trajectory": outside}
-            | ({"out_of_range": int((~in_range).sum())} if scan.in_map else {})
-        ),
+    points, stamps_ns, pose_stamps_ns = _inside(trajectory, scan, points, stamps_ns, recipe)
+    counts["outside_trajectory"] = (
+        counts["read"] - sum(counts[reason] for reason in _FATES[1:]) - len(points)
     )
+    translations, quaternions = trajectory.at(pose_stamps_ns)
+    if scan.in_map:
+        near = _in_range(points, translations, quaternions, rig=rig, limits=limits)
+        counts["out_of_range"] += int((~near).sum())
+        points, stamps_ns = points[near], stamps_ns[near]
+        local = (points.astype(np.float64) - origin_map).T.astype(np.float32, order="C")
+    else:
+        local = np.empty((3, len(points)), dtype=np.float32)
+        move_points(points, rig.T_body_lidar, translations, quaternions, origin_map, local)
+    return MappedScan(points_local=local, stamps_ns=stamps_ns, counts=PointCounts(**counts))
 
 
-def _sort_out(
-    scan: LidarScan, recipe: Recipe, *, returns_from: NDArray[np.floating] | None
-) -> tuple[NDArray[np.bool_], dict[str, int]]:
-    """Tell the points that count from the others; a point is counted for its first fault."""
-    x, y, z = scan.points.T
-    usable = np.isfinite(x) & np.isfinite(y) & np.isfinite(z)
-    counts = {"read": len(usable), "not_finite": int((~usable).sum())}
-    faults = [("no_return", (x == 0) & (y == 0) & (z == 0))]
-    if scan.noise is not None and recipe.filter.drop_noise:
-        faults.append(("noise", scan.noise))
-    if returns_from is not None:
-        faults.append(("out_of_range", ~_within(returns_from, recipe)))
-    for name, fault in faults:
-        counts[name] = int((usable & fault).sum())
-        usable &= ~fault
-    return usable, counts
+_COUNTS = 0
+_FATES = ("counts", "not_finite", "no_return", "noise", "out_of_range")
+"""What :func:`_judge` may find of a point: the index is its mark, the first that fits is given."""
+
+_NO_NOISE = np.zeros(0, dtype=np.bool_)
 
 
-def _within(points_lidar: NDArray[np.floating], recipe: Recipe) -> NDArray[np.bool_]:
-    x, y, z = (points_lidar[:, axis].astype(np.float64) for axis in range(3))
-    with np.errstate(invalid="ignore", over="ignore"):  # points that are not finite were counted
-        range_m = np.sqrt(x * x + y * y + z * z)
-        within: NDArray[np.bool_] = (range_m >= recipe.filter.min_range_m) & (
-            range_m <= recipe.filter.max_range_m
-        )
+@numba.njit(cache=True)
+def _judge(points, noise, limits, fate):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # a kernel: numba infers
+    """Mark each point of (N, 3) with an index into ``_FATES``; ``noise`` may be empty."""
+    for i in range(len(points)):
+        x, y, z = np.float64(points[i, 0]), np.float64(points[i, 1]), np.float64(points[i, 2])
+        range_m = math.sqrt(x * x + y * y + z * z)
+        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+            fate[i] = 1
+        elif x == 0.0 and y == 0.0 and z == 0.0:
+            fate[i] = 2
+        elif len(noise) and noise[i]:
+            fate[i] = 3
+        elif not limits[0] <= range_m <= limits[1]:
+            fate[i] = 4
+
+
+def _counted(fate: NDArray[np.uint8]) -> dict[str, int]:
+    by_mark = np.bincount(fate, minlength=len(_FATES)).tolist()
+    return {"read": len(fate)} | dict(zip(_FATES[1:], by_mark[1:], strict=True))
+
+
+def _in_time_order(
+    points: NDArray[np.floating], stamps_ns: NDArray[np.int64], kept: NDArray[np.bool_]
+) -> tuple[NDArray[np.floating], NDArray[np.int64]]:
+    points, stamps_ns = points[kept], stamps_ns[kept]
+    if (stamps_ns[1:] < stamps_ns[:-1]).any():
+        order = np.argsort(stamps_ns, kind="stable")
+        return points[order], stamps_ns[order]
+    return points, stamps_ns
+
+
+def _inside(
+    trajectory: Trajectory,
+    scan: LidarScan,
+    points: NDArray[np.floating],
+    stamps_ns: NDArray[np.int64],
+    recipe: Recipe,
+) -> tuple[NDArray[np.floating], NDArray[np.int64], NDArray[np.int64]]:
+    """Keep the points with a pose; return them, their stamps, and those of their poses (N or 1)."""
+    gap_ns = round(recipe.poses.max_gap_s * NS_PER_S)
+    if scan.point_stamps_ns is None or not recipe.accumulate.deskew:
+        header_ns = np.array([scan.stamp_ns], dtype=np.int64)
+        kept = slice(None) if trajectory.covers(header_ns, max_gap_ns=gap_ns)[0] else slice(0)
+        return points[kept], stamps_ns[kept], header_ns[kept]
+    if not len(stamps_ns) or trajectory.covers_span(
+        int(stamps_ns[0]), int(stamps_ns[-1]), max_gap_ns=gap_ns
+    ):
+        return points, stamps_ns, stamps_ns
+    covered = trajectory.covers(stamps_ns, max_gap_ns=gap_ns)
+    return points[covered], stamps_ns[covered], stamps_ns[covered]
+
+
+def _in_range(
+    points_map: NDArray[np.floating],
+    translations: NDArray[np.float64],
+    quaternions: NDArray[np.float64],
+    *,
+    rig: Rig,
+    limits: tuple[float, float],
+) -> NDArray[np.bool_]:
+    """Tell the points of a registered cloud that lie in range of the sensor at their own time."""
+    lever = rotate(quaternions, rig.T_body_lidar[np.newaxis, :3, 3])
+    seen = points_map.astype(np.float64) - (translations + lever)
+    range_m = np.sqrt(seen[:, 0] ** 2 + seen[:, 1] ** 2 + seen[:, 2] ** 2)
+    within: NDArray[np.bool_] = (range_m >= limits[0]) & (range_m <= limits[1])
     return within
-
-
-def _pose_stamps(
-    scan: LidarScan, stamps_ns: NDArray[np.int64], *, deskew: bool
-) -> NDArray[np.int64]:
-    """The instants whose poses move the points: one each, or one for all."""
-    if deskew and scan.point_stamps_ns is not None:
-        return stamps_ns
-    return np.array([scan.stamp_ns], dtype=np.int64)
-
-
-def _gap_ns(recipe: Recipe) -> int:
-    return round(recipe.poses.max_gap_s * NS_PER_S)
