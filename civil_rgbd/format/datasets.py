@@ -18,6 +18,9 @@ KIND: Final = "dataset"
 ALL_FRAMES: Final = "all"
 """In a split: every frame of the bridge."""
 
+UNNAMED: Final = "unnamed"
+"""Name of a dataset that nobody named."""
+
 _LOCK_WAIT_S: Final = 60.0  # other builds hold it only while they write one small file
 
 
@@ -117,7 +120,7 @@ def refresh_dataset(dataset_folder: Path, *, name: str | None = None) -> Dataset
         bridges = tuple(dataset_bridges(dataset_folder))
         refuse_same_ids(bridges, where=dataset_folder)
         old = _rewritable(path) if path.exists() else None
-        fresh = old or DatasetRecord(name="unnamed")
+        fresh = old or DatasetRecord(name=UNNAMED)
         fresh = replace(fresh, bridges=bridges, name=name or fresh.name)
         if fresh != old:
             write_dataset(path, fresh)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from civil_rgbd.format.datasets import read_dataset
+from civil_rgbd.format.datasets import UNNAMED, read_dataset
 from civil_rgbd.format.intrinsics import read_intrinsics
 from civil_rgbd.format.layout import DATASET, INTRINSICS, MANIFEST, PARTIAL, bridge_folders
 from civil_rgbd.format.manifest import read_manifest
@@ -99,8 +99,9 @@ class Summary:
         """Return it for people."""
         frames = sum(bridge.frames for bridge in self.bridges)
         size = _megabytes(sum(bridge.size_bytes for bridge in self.bridges))
-        title = f" ({self.dataset})" if self.dataset else ""
-        lines = [f"{self.location}{title}: {len(self.bridges)} bridges, {frames} frames, {size}"]
+        title = f" ({self.dataset})" if self.dataset not in (None, UNNAMED) else ""
+        count = f"{len(self.bridges)} bridge{'' if len(self.bridges) == 1 else 's'}"
+        lines = [f"{self.location}{title}: {count}, {frames} frames, {size}"]
         for bridge in self.bridges:
             lines += bridge.to_lines()
         if self.splits:
@@ -171,4 +172,4 @@ def _folder_size(folder: Path) -> int:
 
 
 def _megabytes(size_bytes: int) -> str:
-    return f"{size_bytes / 1e6:,.1f} MB"
+    return f"{size_bytes / 1e6:,.1f} MB" if size_bytes >= 100_000 else f"{size_bytes / 1e3:.1f} kB"
