@@ -157,6 +157,41 @@ def test_a_gap_of_exactly_the_limit_is_interpolated_over() -> None:
     assert covered.tolist() == [True, False]
 
 
+@given(trajectories(), ANYWHERE, ANYWHERE, st.integers(1, 10**9))
+def test_a_span_is_covered_when_every_instant_of_it_is(
+    trajectory: Trajectory, one: float, other: float, max_gap_ns: int
+) -> None:
+    # A little beyond both ends, and often a pose itself.
+    whole = trajectory.end_ns - trajectory.start_ns
+    first, last = sorted(trajectory.start_ns - 2 + round(x * (whole + 4)) for x in (one, other))
+    poses = trajectory.stamps_ns[(trajectory.stamps_ns >= first) & (trajectory.stamps_ns <= last)]
+    edges = np.concatenate([poses - 1, poses, poses + 1, stamps(first, last)])
+    instants = edges[(edges >= first) & (edges <= last)]
+
+    covered = trajectory.covers_span(first, last, max_gap_ns=max_gap_ns)
+
+    assert covered == trajectory.covers(instants, max_gap_ns=max_gap_ns).all()
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "covered"),
+    [
+        (0, 10, True),
+        (0, 11, False),
+        (10, 10, True),
+        (11, 11, False),
+        (15, 21, False),
+        (21, 31, True),
+        (21, 32, False),
+        (-1, 5, False),
+    ],
+)
+def test_a_span_by_hand(first: int, last: int, *, covered: bool) -> None:
+    trajectory = trajectory_of([0, 10, 21, 31], [(0, 0, 0)] * 4)
+
+    assert trajectory.covers_span(first, last, max_gap_ns=10) is covered
+
+
 def test_one_pose_covers_its_own_instant_only() -> None:
     trajectory = trajectory_of([10], [(1, 2, 3)])
 

@@ -294,6 +294,16 @@ def test_a_registered_cloud_outside_the_trajectory_does_not_count() -> None:
     assert found.counts == PointCounts(read=2, outside_trajectory=1)
 
 
+def test_a_registered_cloud_without_point_times_has_the_pose_of_its_header() -> None:
+    # The body is at x = 0 at 1 s, where the header is: range 1 to 100 m from there.
+    found = mapped(scan_of((0.5, 0, 0), (100, 0, 0), in_map=True), trajectory=MOVING)
+    outside = mapped(LidarScan(SECOND - 1, np.full((2, 3), 9.0), in_map=True), trajectory=MOVING)
+
+    assert found.points_local[0].tolist() == [100]
+    assert found.counts == PointCounts(read=2, out_of_range=1)
+    assert outside.counts == PointCounts(read=2, outside_trajectory=2)
+
+
 def test_the_order_of_a_registered_cloud_is_that_of_its_stamps() -> None:
     scan = scan_of(
         (30, 0, 0), (0.1, 0, 0), (10, 0, 0), stamps_ns=[SECOND + 2, SECOND, SECOND], in_map=True
