@@ -190,6 +190,13 @@ def _refuse_contradictions(recipe: Recipe, where: object) -> None:
             where=where,
             fix="take 0.0009765625 (1/1024 m), another power of two, or 0 for no rounding",
         )
+    if recipe.depth.min_m < step_m / 2:
+        raise RecipeError(
+            f"depth.min_m is {recipe.depth.min_m!r}, which rounds to 0 in steps of {step_m!r}: "
+            "nothing measured",
+            where=where,
+            fix=f"take a depth.min_m of at least {step_m / 2!r}, or a smaller depth.step_m",
+        )
     for low, high, names in (
         (recipe.depth.min_m, recipe.depth.max_m, "depth.min_m and depth.max_m"),
         (
