@@ -14,6 +14,7 @@ CHUNK_HEAD: Final = struct.Struct("<QQQII")
 """start time, end time, uncompressed size, uncompressed crc, length of the compression's name."""
 
 _LARGEST_CHUNK_BYTES: Final = 1 << 32  # writers make 1 to 100 MB; a larger claim is a damaged byte
+_ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
 _LONGEST_NAME: Final = 32  # "zstd" and "lz4" are the names the specification knows
 
 
@@ -97,6 +98,30 @@ def records_of(chunk: ChunkRecord) -> memoryview:
     if chunk.crc and zlib.crc32(records) != chunk.crc:
         raise ChunkError("its checksum does not hold")
     return records
+
+
+def message_of(payload: memoryview, limit: int = -1) -> memoryview:
+    """Return a message as its publisher wrote it.
+
+    ``ros2 bag record --compression-mode message`` compresses every message by itself and tells
+    only its metadata.yaml; no CDR payload starts like a zstd frame, so the bytes tell too.
+
+    Args:
+        payload: as recorded.
+        limit: bytes wanted of a compressed one; -1 = all.
+
+    Raises:
+        ChunkError: it is compressed and damaged.
+    """
+    if bytes(payload[:4]) != _ZSTD_MAGIC:
+        return payload
+    limit = _LARGEST_CHUNK_BYTES if limit < 0 else limit
+    try:
+        size = zstandard.frame_content_size(payload)
+        with zstandard.ZstdDecompressor().stream_reader(payload) as reader:
+            return memoryview(reader.read(min(limit, size) if size >= 0 else limit))
+    except (zstandard.ZstdError, MemoryError) as error:
+        raise ChunkError(f"a message cannot be decompressed: {error}") from error
 
 
 def _plain(chunk: ChunkRecord) -> memoryview:

@@ -11,6 +11,7 @@ from typing import BinaryIO, Final, Protocol
 from civil_rgbd.conversion.mcap_chunks import (
     ChunkError,
     UnknownCompressionError,
+    message_of,
     parse_chunk,
     records_of,
 )
@@ -25,7 +26,7 @@ FOOTER, SCHEMA, CHANNEL, MESSAGE_OP, CHUNK, DATA_END = 0x02, 0x03, 0x04, 0x05, 0
 NO_CHUNK: Final = -1
 """In place of a chunk's start, for messages that lie outside of chunks."""
 
-_HEAD_BYTES = 4096  # of a large message outside of chunks: enough for its header
+_HEAD_BYTES = 1 << 17  # enough for a header, and for one block of a compressed message
 _SMALL_MESSAGE_BYTES = 1 << 20
 _LARGEST_READ = 1 << 32  # a damaged length must not ask for the whole file at once
 
@@ -187,7 +188,7 @@ class _Walk:
                 if sink is not None:
                     offset = body + MESSAGE.size
                     place = (start, offset, at - offset)
-                    sink.take(log_time_ns, place, records[offset:at])
+                    self._hand_over(sink, log_time_ns, place, records[offset:at])
             elif opcode in (SCHEMA, CHANNEL):
                 self._definition(opcode, records[body:at])
         return at == end
@@ -202,7 +203,17 @@ class _Walk:
             size = length - MESSAGE.size
             cut = sink.head_only and size > _SMALL_MESSAGE_BYTES
             payload = memoryview(self._file.read(_HEAD_BYTES if cut else size))
-            sink.take(log_time_ns, (NO_CHUNK, body + MESSAGE.size, size), payload)
+            self._hand_over(sink, log_time_ns, (NO_CHUNK, body + MESSAGE.size, size), payload)
+
+    def _hand_over(
+        self, sink: Sink, log_time_ns: int, place: tuple[int, int, int], payload: memoryview
+    ) -> None:
+        try:
+            message = message_of(payload, _HEAD_BYTES if sink.head_only else -1)
+        except ChunkError as error:
+            self._extent.damage.append(f"in the message at byte {place[1]}: {error}")
+            return
+        sink.take(log_time_ns, place, message)
 
     def _sink(self, channel: int, log_time_ns: int) -> Sink | None:
         extent = self._extent

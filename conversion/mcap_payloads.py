@@ -6,7 +6,7 @@ from collections import OrderedDict
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
-from civil_rgbd.conversion.mcap_chunks import ChunkError, parse_chunk, records_of
+from civil_rgbd.conversion.mcap_chunks import ChunkError, message_of, parse_chunk, records_of
 from civil_rgbd.conversion.mcap_container import NO_CHUNK, RECORD
 from civil_rgbd.errors import RecordingError
 
@@ -45,15 +45,15 @@ class McapPayloads:
                 payload = self._read(offset, length)
             else:
                 payload = self._chunk(chunk_start)[offset : offset + length]
+            if len(payload) != length:
+                raise self._changed()
+            return message_of(payload)
         except (OSError, ChunkError) as error:
             raise RecordingError(
                 f"a message can no longer be read: {error}",
                 where=self._path,
                 fix="see that the disk is healthy and the file is not being written to",
             ) from error
-        if len(payload) != length:
-            raise self._changed()
-        return payload
 
     def _chunk(self, start: int) -> memoryview:
         if start in self._chunks:

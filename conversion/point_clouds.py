@@ -147,8 +147,9 @@ def points_of(cloud: Cloud) -> NDArray[np.floating]:
     columns = [column(cloud, name) for name in "xyz"]
     dtype = np.result_type(np.float32, *columns)
     points = np.empty((cloud.height, cloud.width, 3), dtype=dtype)
-    for axis, values in enumerate(columns):
-        points[:, :, axis] = values
+    with np.errstate(invalid="ignore"):  # a signalling NaN is as good as any
+        for axis, values in enumerate(columns):
+            points[:, :, axis] = values
     return points.reshape(-1, 3)
 
 

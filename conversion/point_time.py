@@ -149,7 +149,7 @@ def point_stamps_ns(
 def _unit_by_magnitude(values: NDArray[np.generic], header_ns: int) -> str:
     # Nanoseconds are a thousand million times seconds: a factor of 100,000 above the header's
     # own seconds tells them apart, for clocks that count from 1970 and for those from power-on.
-    seconds = values.astype(np.float64)
+    seconds = _as_float64(values)
     finite = seconds[np.isfinite(seconds)]
     largest = float(np.abs(finite).max()) if len(finite) else 0.0
     return "ns" if largest > 1e5 * max(abs(header_ns) / NS_PER_S, 1.0) else "s"
@@ -161,13 +161,17 @@ def _whole_ns(
     if values.dtype.kind in "iu":
         whole = values.astype(np.int64) * unit_ns  # at most 2^32 s = 4.3e18 ns
         return whole, np.ones(len(values), dtype=np.bool_)
-    floats = values.astype(np.float64)
-    usable = np.isfinite(floats)
-    usable &= np.abs(np.where(usable, floats, 0.0)) * unit_ns < _FAR_NS
+    floats = _as_float64(values)
+    usable = np.isfinite(floats) & (np.abs(floats) < _FAR_NS / unit_ns)
     floats = np.where(usable, floats, 0.0)
     whole = np.floor(floats)  # apart from the fraction, which would lose its last bits
     ns = whole.astype(np.int64) * unit_ns + np.rint((floats - whole) * unit_ns).astype(np.int64)
     return ns, usable
+
+
+def _as_float64(values: NDArray[np.generic]) -> NDArray[np.float64]:
+    with np.errstate(invalid="ignore"):  # a signalling NaN is as good as any
+        return values.astype(np.float64)
 
 
 def _astray(

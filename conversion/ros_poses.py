@@ -34,7 +34,7 @@ def trajectory_from(
         RecordingError: stamps repeat or step back, or a pose is no pose.
     """
     _check_order(stamps_ns, where)
-    norms = np.sqrt((poses[:, 3:] ** 2).sum(axis=1))
+    norms = _norms(poses)
     bad = ~np.isfinite(poses).all(axis=1) | ~(np.abs(norms - 1) <= _NORM_TOLERANCE)
     if bad.any():
         at = int(np.argmax(bad))
@@ -45,6 +45,12 @@ def trajectory_from(
             fix="choose other poses with --pose-topic",
         )
     return Trajectory(stamps_ns, poses[:, :3].copy(), unit_quaternion(poses[:, 3:]))
+
+
+def _norms(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    with np.errstate(invalid="ignore", over="ignore"):  # broken poses are refused by their norm
+        norms: NDArray[np.float64] = np.sqrt((poses[:, 3:] ** 2).sum(axis=1))
+    return norms
 
 
 def _check_order(stamps_ns: NDArray[np.int64], where: object) -> None:
@@ -134,8 +140,9 @@ def transforms_from(
     for gathered in (*static, *other):
         for (parent, child), history in gathered.links.items():
             stamps_ns, poses = history.in_order()
-            norms = np.sqrt((poses[:, 3:] ** 2).sum(axis=1))
-            still = bool((np.abs(poses - poses[0]) <= _STILL_TOLERANCE).all())
+            norms = _norms(poses)
+            with np.errstate(invalid="ignore", over="ignore"):  # of broken ones
+                still = bool((np.abs(poses - poses[0]) <= _STILL_TOLERANCE).all())
             name = f"{parent} -> {child}"
             if gathered in static or still:
                 if not (abs(norms[-1] - 1) <= _NORM_TOLERANCE and np.isfinite(poses[-1]).all()):

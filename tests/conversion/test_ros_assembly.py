@@ -1,0 +1,367 @@
+"""Which topics a recording is made of, whose poses they are, and what is odd about it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from civil_rgbd.conversion.mcap import open_recording
+from civil_rgbd.domain.recording import Recording, RecordingOptions
+from civil_rgbd.errors import RecordingError, UsageError
+
+from . import messages, scene
+
+Parts = dict[str, list[scene.Message]]
+TF = "tf2_msgs/msg/TFMessage"
+
+
+def opened(tmp_path: Path, parts: Parts, **options: object) -> Recording:
+    path = scene.write(tmp_path / "a.mcap", parts)
+    return open_recording(path, RecordingOptions(**options))  # type: ignore[arg-type]  # by name
+
+
+def livox(package: str = "livox_ros_driver2/msg", *, off_ns: int = 0) -> list[scene.Message]:
+    points = [(i * 1000, 1.0 + i, 2.0, 3.0, 0, 0x10, 0) for i in range(4)]
+    return [
+        scene.Message(
+            "/livox/lidar",
+            f"{package}/CustomMsg",
+            scene.stamp(i),
+            messages.custom_msg(
+                scene.stamp(i), points, frame="lidar", timebase_ns=scene.stamp(i) + off_ns
+            ),
+        )
+        for i in range(scene.SCANS)
+    ]
+
+
+class TestTopics:
+    @pytest.mark.parametrize(
+        "package",
+        [
+            "livox_ros_driver/msg",
+            "livox_ros_driver2/msg",
+            "livox_interfaces/msg",
+            "livox_ros_driver",
+            "livox_ros_driver2",
+            "livox_interfaces",
+        ],
+    )
+    def test_custom_msg_of_every_package_is_read(self, tmp_path: Path, package: str) -> None:
+        recording = opened(tmp_path, {**scene.whole(), "scans": livox(package)})
+        scan = recording.read_scan(2)
+        assert scan.points[:, 0].tolist() == [1, 2, 3, 4]
+        assert scan.point_stamps_ns is not None
+        assert scan.point_stamps_ns.tolist() == [scene.stamp(2) + i * 1000 for i in range(4)]
+        assert recording.point_reach_ns == (0, 10**9)
+        assert (recording.notes.deskew, recording.notes.warnings) == ("per_point", ())
+
+    def test_a_timebase_off_by_more_than_a_millisecond_is_reported(self, tmp_path: Path) -> None:
+        parts = {**scene.whole(), "scans": livox(off_ns=-2_000_000)}
+        (warning,) = opened(tmp_path, parts).notes.warnings
+        assert "-0.002000 s" in warning
+        quiet = opened(tmp_path, {**scene.whole(), "scans": livox(off_ns=1_000_000)})
+        assert quiet.notes.warnings == ()
+
+    @pytest.mark.parametrize(
+        ("part", "more", "option", "key"),
+        [
+            ("scans", scene.scans("/other"), "--lidar-topic", "lidar_topic"),
+            ("scans", livox(), "--lidar-topic", "lidar_topic"),
+            ("images", scene.images("/other/image"), "--image-topic", "image_topic"),
+            ("poses", scene.poses("/other"), "--pose-topic", "pose_topic"),
+        ],
+    )
+    def test_several_that_fit_are_listed_with_the_option(
+        self, tmp_path: Path, part: str, more: list[scene.Message], option: str, key: str
+    ) -> None:
+        parts = {**scene.whole(), "more": more}
+        first = parts[part][0].topic
+        with pytest.raises(UsageError, match="several topics carry") as caught:
+            opened(tmp_path, parts)
+        assert f"{first} (" in caught.value.what
+        assert f"{more[0].topic} (" in caught.value.what
+        assert f"{len(more)} messages" in caught.value.what
+        assert option in caught.value.fix
+        assert opened(tmp_path, parts, **{key: first}).notes.salvage is None
+
+    def test_a_raw_topic_and_its_compressed_sibling_are_several(self, tmp_path: Path) -> None:
+        raw = scene.Message(
+            "/cam/image",
+            "sensor_msgs/msg/Image",
+            scene.stamp(1),
+            messages.raw_image(scene.stamp(1), bytes(64 * 48 * 3), 64, 48, "rgb8", 192),
+        )
+        parts = {**scene.whole(), "raw": [raw]}
+        with pytest.raises(UsageError, match=r"/cam/image \(.*, /cam/image/compressed \("):
+            opened(tmp_path, parts)
+        chosen = opened(tmp_path, parts, image_topic="/cam/image")
+        assert chosen.read_image(0).rgb.shape == (48, 64, 3)
+
+    def test_a_depth_image_beside_the_photographs_is_left_aside(self, tmp_path: Path) -> None:
+        payload = messages.raw_image(scene.stamp(1), bytes(8), 2, 2, "16UC1", 4)
+        depth = scene.Message("/depth", "sensor_msgs/msg/Image", scene.stamp(1), payload)
+        parts = {**scene.whole(), "depth": [depth]}
+        assert len(opened(tmp_path, parts).image_stamps_ns) == scene.SCANS
+        with pytest.raises(RecordingError, match="encoded as '16UC1'"):
+            opened(tmp_path, parts, image_topic="/depth")
+
+    def test_an_unknown_topic_names_the_nearest(self, tmp_path: Path) -> None:
+        with pytest.raises(UsageError, match="--lidar-topic '/lidra' names no topic") as caught:
+            opened(tmp_path, scene.whole(), lidar_topic="/lidra")
+        assert "did you mean '/lidar'" in caught.value.fix
+
+    def test_camera_info_of_the_same_namespace_is_preferred(self, tmp_path: Path) -> None:
+        other = scene.infos("/depth/camera_info", size=(9, 9))
+        recording = opened(tmp_path, {**scene.whole(), "other": other})
+        assert recording.rig.camera.pinhole.width_px == 64
+
+    def test_camera_infos_of_other_namespaces_are_asked_for(self, tmp_path: Path) -> None:
+        parts = {**scene.whole(), "infos": scene.infos("/a/info"), "more": scene.infos("/b/info")}
+        with pytest.raises(UsageError, match="several topics carry CameraInfo") as caught:
+            opened(tmp_path, parts)
+        assert "--camera-info-topic" in caught.value.fix
+        opened(tmp_path, parts, camera_info_topic="/b/info")
+
+    def test_clouds_in_two_frames_are_refused(self, tmp_path: Path) -> None:
+        parts = scene.whole()
+        parts["scans"] = scene.scans(count=5) + scene.scans(frame="rear", count=5)
+        with pytest.raises(RecordingError, match="several frames: lidar, rear"):
+            opened(tmp_path, parts)
+
+    def test_a_broken_message_matters_only_on_the_chosen_topic(self, tmp_path: Path) -> None:
+        broken = scene.Message("/bad", "nav_msgs/msg/Odometry", scene.stamp(0), b"\0\1\0\0abc")
+        parts = {**scene.whole(), "bad": [broken]}
+        opened(tmp_path, parts, pose_topic=scene.ODOM)
+        with pytest.raises(RecordingError, match="message 0: it ends inside its header"):
+            opened(tmp_path, parts, pose_topic="/bad")
+
+
+class TestCamera:
+    def test_an_uncalibrated_camera_is_no_camera(self, tmp_path: Path) -> None:
+        parts = {**scene.whole(), "infos": scene.infos(k=(0,) * 9)}
+        with pytest.raises(RecordingError, match="no camera model: .*not calibrated"):
+            opened(tmp_path, parts)
+
+    @pytest.mark.parametrize(
+        ("topic", "options"),
+        [("/cam/image_rect/compressed", {}), ("/cam/image/compressed", {"rectified": True})],
+    )
+    def test_rectified_images_take_p(
+        self, tmp_path: Path, topic: str, options: dict[str, object]
+    ) -> None:
+        parts = {**scene.whole(), "images": scene.images(topic)}
+        camera = opened(tmp_path, parts, **options).rig.camera
+        assert (camera.pinhole.fx_px, camera.lens) == (40.0, "none")
+
+    def test_camera_info_that_changes_is_a_warning(self, tmp_path: Path) -> None:
+        parts = scene.whole()
+        later = messages.camera_info(scene.stamp(3), k=(51, 0, 31.5, 0, 50, 23.5, 0, 0, 1))
+        same = messages.camera_info(scene.stamp(4))
+        kind = parts["infos"][0]
+        parts["infos"] += [
+            kind._replace(log_time_ns=scene.stamp(3), payload=later),
+            kind._replace(log_time_ns=scene.stamp(4), payload=same),
+        ]
+        recording = opened(tmp_path, parts)
+        assert recording.rig.camera.pinhole.fx_px == 50.0
+        assert "1 CameraInfo messages differ" in recording.notes.warnings[-1]
+
+    def test_a_rig_file_overrides_camera_and_extrinsics(self, tmp_path: Path) -> None:
+        rig = tmp_path / "rig.toml"
+        rig.write_text(
+            "camera_time_offset_s = 0.25\nmap_up = [0, 0, 2]\n"
+            "[sensors]\nlidar = 'Livox Avia'\n"
+            "[camera]\nwidth_px = 64\nheight_px = 48\nfx_px = 60\nfy_px = 61\ncx_px = 30\n"
+            "cy_px = 20\nlens = 'fisheye'\ncoefficients = [0.1, 0, 0, 0]\n"
+            "[extrinsics]\nT_lidar_camera = {translation_m = [7, 8, 9], "
+            "quaternion_xyzw = [0, 0, 0, 1]}\n"
+        )
+        recording = opened(tmp_path, scene.whole(), rig_path=str(rig))
+        assert recording.rig.camera.lens == "fisheye"
+        assert recording.rig.T_body_camera[:3, 3].tolist() == [7, 8, 9]
+        assert recording.rig.camera_time_offset_ns == 250_000_000
+        assert (recording.rig.lidar_name, recording.rig.camera_name) == ("Livox Avia", "camera")
+        assert recording.notes.map_up == (0.0, 0.0, 1.0)
+
+
+class TestPoses:
+    def stamped(self, kind: str) -> list[scene.Message]:
+        return [
+            scene.Message(
+                "/pose",
+                f"geometry_msgs/msg/{kind}",
+                scene.stamp(i),
+                messages.pose_stamped(scene.stamp(i), (i, 0, 0, 0, 0, 0, -1)) + bytes(288),
+            )
+            for i in range(scene.SCANS)
+        ]
+
+    @pytest.mark.parametrize("kind", ["PoseStamped", "PoseWithCovarianceStamped"])
+    def test_stamped_poses_need_their_body(self, tmp_path: Path, kind: str) -> None:
+        parts = {**scene.whole(), "poses": self.stamped(kind)}
+        with pytest.raises(UsageError, match="does not say what") as caught:
+            opened(tmp_path, parts)
+        assert "--pose-of camera, lidar or imu" in caught.value.fix
+
+        of_camera = opened(tmp_path, parts, pose_of="camera")
+        assert np.array_equal(of_camera.rig.T_body_camera, np.eye(4))
+        assert of_camera.rig.T_lidar_camera[:3, 3] == pytest.approx([1, 2, 3])
+        assert of_camera.rig.body == "camera"
+        assert of_camera.trajectory.translations_m[4].tolist() == [4, 0, 0]
+        assert of_camera.trajectory.quaternions_xyzw[4].tolist() == [0, 0, 0, 1]
+        of_lidar = opened(tmp_path, parts, pose_of="lidar")
+        assert np.array_equal(of_lidar.rig.T_body_lidar, np.eye(4))
+
+    def test_the_longest_path_is_taken_with_its_own_stamps(self, tmp_path: Path) -> None:
+        poses = [(scene.stamp(i) + 3, (i, 0, 0, 0, 0, 0, 1)) for i in range(scene.SCANS)]
+        lengths = [3, 20, 12, 20, 5]
+        parts = {
+            **scene.whole(),
+            "poses": [
+                scene.Message(
+                    "/path",
+                    "nav_msgs/msg/Path",
+                    scene.stamp(i),
+                    messages.path(scene.stamp(i), poses[:length]),
+                )
+                for i, length in enumerate(lengths)
+            ],
+        }
+        recording = opened(tmp_path, parts, pose_of="lidar")
+        assert recording.trajectory.stamps_ns.tolist() == [stamp for stamp, _ in poses]
+
+    @pytest.mark.parametrize(("shift_ns", "says"), [(0, "the same as"), (-5, "earlier than")])
+    def test_stamps_that_do_not_rise_are_refused(
+        self, tmp_path: Path, shift_ns: int, says: str
+    ) -> None:
+        parts = scene.whole()
+        payload = messages.odometry(scene.stamp(3) + shift_ns)
+        parts["poses"][4] = parts["poses"][4]._replace(payload=payload)
+        with pytest.raises(
+            RecordingError, match=f"pose 4 is stamped .* {says} pose 3 at"
+        ) as caught:
+            opened(tmp_path, parts)
+        assert "1700000000.300000000 s" in caught.value.what
+
+    @pytest.mark.parametrize(
+        "pose",
+        [(0, 0, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0, 0, 1.002), (np.nan, 0, 0, 0, 0, 0, 1)],
+    )
+    def test_what_is_no_pose_is_refused(self, tmp_path: Path, pose: tuple[float, ...]) -> None:
+        parts = scene.whole()
+        payload = messages.odometry(scene.stamp(4), pose)
+        parts["poses"][4] = parts["poses"][4]._replace(payload=payload)
+        with pytest.raises(RecordingError, match="pose 4 is no pose"):
+            opened(tmp_path, parts)
+
+    def test_nearly_unit_quaternions_are_made_unit(self, tmp_path: Path) -> None:
+        parts = scene.whole()
+        payload = messages.odometry(scene.stamp(4), (0, 0, 0, 0.6, 0, 0, -0.8005))
+        parts["poses"][4] = parts["poses"][4]._replace(payload=payload)
+        q = opened(tmp_path, parts).trajectory.quaternions_xyzw[4]
+        assert abs(float((q * q).sum()) - 1) < 1e-12
+        assert q[3] > 0 > q[0]
+
+
+def moving(links: list[tuple[str, str, float]], count: int = scene.SCANS) -> list[scene.Message]:
+    """Tf where each link's child moves along x by its speed a step."""
+    return [
+        scene.Message(
+            "/tf",
+            TF,
+            scene.stamp(i),
+            messages.transforms(
+                [
+                    (scene.stamp(i), parent, child, (speed * i, 0, 0, 0, 0, 0, 1))
+                    for parent, child, speed in links
+                ]
+            ),
+        )
+        for i in range(count)
+    ]
+
+
+class TestTf:
+    def test_the_moving_link_that_carries_the_sensors_is_the_trajectory(
+        self, tmp_path: Path
+    ) -> None:
+        links = [("/odom", "base", 0.2), ("base", "wheel", 1.0), ("map", "odom", 0.01)]
+        parts = {**scene.whole(), "poses": moving(links), "base": scene.static("base", "lidar")}
+        recording = opened(tmp_path, parts)
+        assert recording.trajectory.translations_m[5, 0] == pytest.approx(1.0)
+        assert recording.rig.body == "base"
+        assert recording.rig.T_body_lidar[:3, 3] == pytest.approx([1, 2, 3])
+        assert "odom -> base; map -> odom moves too" in recording.notes.warnings[-1]
+        assert opened(tmp_path, parts, pose_topic="/tf").rig.body == "base"
+
+    def test_no_moving_link_lists_what_moves(self, tmp_path: Path) -> None:
+        parts = {**scene.whole(), "poses": moving([("odom", "drone", 0.2)])}
+        with pytest.raises(RecordingError, match=r"0 moving links that.*odom -> drone"):
+            opened(tmp_path, parts)
+
+    def test_links_on_tf_that_never_move_are_fixed(self, tmp_path: Path) -> None:
+        still = [m._replace(topic="/tf") for m in moving([("lidar", "camera", 0.0)])]
+        recording = opened(tmp_path, {**scene.whole(), "tf": still})
+        assert np.array_equal(recording.rig.T_lidar_camera, np.eye(4))
+
+    def test_a_static_link_that_changes_is_a_warning(self, tmp_path: Path) -> None:
+        parts = scene.whole()
+        payload = messages.transforms([(0, "lidar", "camera", (5, 0, 0, 0, 0, 0, 1))])
+        later = parts["tf"][0]._replace(log_time_ns=scene.stamp(3), payload=payload)
+        parts["tf"].append(later)
+        recording = opened(tmp_path, parts)
+        assert recording.rig.T_body_camera[0, 3] == 5
+        assert "tf_static changes lidar -> camera" in recording.notes.warnings[-1]
+
+    def test_a_link_without_rotation_is_left_out(self, tmp_path: Path) -> None:
+        parts = scene.whole()
+        payload = messages.transforms([(0, "lidar", "junk", (0,) * 7)])
+        parts["tf"].append(parts["tf"][0]._replace(payload=payload))
+        assert "lidar -> junk" in opened(tmp_path, parts).notes.warnings[-1]
+
+
+class TestFrames:
+    def test_a_chain_of_frames_is_followed(self, tmp_path: Path) -> None:
+        parts = scene.whole()
+        parts["poses"] = scene.poses(child="base")
+        parts["base"] = scene.static("base", "lidar")
+        rig = opened(tmp_path, parts).rig
+        assert rig.body == "base"
+        # base -> lidar -> camera, each (1, 2, 3) and the same rotation: by hand
+        assert rig.T_body_camera[:3, 3] == pytest.approx([1 + 3, 2 - 1, 3 - 2])
+
+    def test_no_link_names_both_frames_and_those_known(self, tmp_path: Path) -> None:
+        parts = {**scene.whole(), "poses": scene.poses(child="body")}
+        with pytest.raises(
+            RecordingError, match="nothing links the camera frame 'camera'"
+        ) as caught:
+            opened(tmp_path, parts)
+        assert "'body'" in caught.value.what
+        assert "'camera', 'lidar'" in caught.value.what
+
+    def test_pose_of_says_what_an_unlinked_child_is(self, tmp_path: Path) -> None:
+        parts = {**scene.whole(), "poses": scene.poses(child="body")}
+        assert opened(tmp_path, parts, pose_of="lidar").rig.T_body_camera[0, 3] == pytest.approx(1)
+
+    def test_a_cloud_in_the_parent_frame_is_in_the_map(self, tmp_path: Path) -> None:
+        parts = {**scene.whole(), "scans": scene.scans(frame="/odom")}
+        recording = opened(tmp_path, parts)
+        assert recording.notes.deskew == "registered"
+        assert recording.read_scan(0).in_map
+        assert recording.point_reach_ns == (0, 0)
+        assert recording.rig.T_body_camera[:3, 3] == pytest.approx([1, 2, 3])
+
+    def test_a_cloud_in_the_body_frame_is_not_in_the_map(self, tmp_path: Path) -> None:
+        recording = opened(tmp_path, scene.whole())
+        assert not recording.read_scan(0).in_map
+        assert recording.notes.deskew == "unavailable"
+        assert "no point times" in recording.notes.warnings[0]
+
+    def test_several_child_frames_are_refused(self, tmp_path: Path) -> None:
+        parts = scene.whole()
+        parts["poses"][7] = scene.poses(child="other")[7]
+        with pytest.raises(RecordingError, match="several child frames: 'lidar', 'other'"):
+            opened(tmp_path, parts)
