@@ -75,29 +75,21 @@ def read_index_table(path: Path) -> pa.Table:
 
 
 def _checked(table: pa.Table, path: Path) -> pa.Table:
-    faults = [
-        f"column {field.name!r} is missing"
-        for field in SCHEMA
-        if field.name not in table.schema.names
-    ]
-    faults += [
-        f"column {field.name!r} is {table.schema.field(field.name).type}, not {field.type}"
-        for field in SCHEMA
-        if field.name in table.schema.names and table.schema.field(field.name).type != field.type
-    ]
-    twice = sorted({n for n in table.schema.names if table.schema.names.count(n) > 1})
-    faults += [f"column {name!r} comes twice" for name in twice]
+    names = table.schema.names
+    twice = sorted({name for name in names if names.count(name) > 1})
+    faults = [f"column {name!r} comes twice" for name in twice]
     faults += _unknown_columns(table, path)
-    if not faults:
-        table = table.select(SCHEMA.names)
-        faults = [
-            f"column {field.name!r} has {table[field.name].null_count} nulls"
-            for field in SCHEMA
-            if not field.nullable and table[field.name].null_count
-        ]
+    for field in SCHEMA if not twice else ():
+        if field.name not in names:
+            faults.append(f"column {field.name!r} is missing")
+        elif table.schema.field(field.name).type != field.type:
+            kind = table.schema.field(field.name).type
+            faults.append(f"column {field.name!r} is {kind}, not {field.type}")
+        elif not field.nullable and table[field.name].null_count:
+            faults.append(f"column {field.name!r} has {table[field.name].null_count} nulls")
     if faults:
         raise FormatError(f"the frame index has faults: {'; '.join(faults)}", where=path, fix=_FIX)
-    return table
+    return table.select(SCHEMA.names)
 
 
 def _unknown_columns(table: pa.Table, path: Path) -> list[str]:
