@@ -22,7 +22,7 @@ from civil_rgbd.errors import BuildError, FormatError, UsageError
 from civil_rgbd.format.atomic import whole_file, writing
 from civil_rgbd.format.layout import BRIDGES, MANIFEST, PARTIAL
 from civil_rgbd.format.manifest import manifest_to_document, read_manifest
-from civil_rgbd.pipeline.prepare import PointCounts, local_origin
+from civil_rgbd.pipeline.prepare import PointCounts, local_origin, total_points
 
 _IDENTITY = "build.json"
 
@@ -67,7 +67,7 @@ def prepare_partial(partial: Path, identity: Mapping[str, object], *, overwrite:
         different = ", ".join(key for key in identity if found.get(key) != identity[key])
         if not overwrite:
             raise BuildError(
-                f"an unfinished build lies here whose {different} differ from this one's",
+                f"an unfinished build lies here that was begun otherwise (different: {different})",
                 where=partial,
                 fix="give --overwrite to throw it away, or run its own command to finish it",
             )
@@ -137,7 +137,8 @@ def with_counts(
     points: dict[int, PointCounts] = {}  # neighbouring chunks read some scans twice
     for record in records:
         points |= record.point_counts
-    reasons = ("not_finite", "no_return", "out_of_range", "noise", "outside_trajectory")
+    totals = total_points(points.values())
+    points_seen = totals.pop("read")
     return replace(
         manifest,
         counts=Counts(
@@ -145,11 +146,8 @@ def with_counts(
             frames_kept=len(kept),
             dropped=dropped,
             scans_seen=len(recording.scan_stamps_ns),
-            points_seen=sum(count.read for count in points.values()),
-            points_dropped={
-                reason: sum(getattr(count, reason) for count in points.values())
-                for reason in reasons
-            },
+            points_seen=points_seen,
+            points_dropped=totals,
             skipped=dict(recording.notes.counts),
             mean_points_in_view=_mean([frame.points_in_view for frame in kept]),
             mean_age_span_s=_mean([frame.span_ns / NS_PER_S for frame in kept]),
@@ -186,7 +184,7 @@ def find_whole(folder: Path, wanted: Manifest, *, overwrite: bool) -> Manifest |
         different = sorted(key for key in {*a, *b} if a.get(key) != b.get(key))
         if not different:
             return there
-        what = f"a bridge lies here whose {_in_order(different)} differ from what is to be built"
+        what = f"a bridge lies here that was built otherwise (different: {_in_order(different)})"
     else:
         what = "a folder lies here that is no whole bridge"
     if overwrite:

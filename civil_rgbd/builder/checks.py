@@ -11,6 +11,7 @@ from civil_rgbd.builder.plan import Plan, in_words
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.errors import BuildError, RecordingError
 from civil_rgbd.pipeline.frames import FrameMaker
+from civil_rgbd.pipeline.prepare import total_points
 
 FRAMES_LOOKED_AT = 10
 MIN_SHARE_IN_VIEW = 0.01
@@ -56,13 +57,12 @@ def check_before_start(maker: FrameMaker, plan: Plan) -> None:
 
 
 def _refuse_empty(maker: FrameMaker, plan: Plan, *, fullest: int, needed: int) -> None:
-    counts = list(maker.point_counts.values())
-    read = sum(count.read for count in counts)
-    outside = sum(count.outside_trajectory for count in counts)
+    total = total_points(maker.point_counts.values())
+    lost = {reason: count for reason, count in total.items() if count and reason != "read"}
     raise BuildError(
         f"no frame has enough points: {needed} are needed, the fullest of {len(plan.frames)} "
-        f"windows held {fullest}; {read} points were read, {outside} of them outside the "
-        f"trajectory; images dropped before: {in_words(plan.dropped)}",
+        f"windows held {fullest}; of {total['read']} points that were read these do not count: "
+        f"{in_words(lost)}; images dropped before: {in_words(plan.dropped)}",
         where=maker.recording.name,
         fix="lower accumulate.points or accumulate.min_fill (--set accumulate.min_fill=0), "
         "or record for longer",

@@ -147,4 +147,4 @@ def chunks_of(todo: list[int], *, workers: int) -> list[Chunk]:
 
 def in_words(counts: dict[str, int]) -> str:
     """Say counts by reason in one line."""
-    return ", ".join(f"{reason} {count}" for reason, count in counts.items()) or "nothing was seen"
+    return ", ".join(f"{reason} {count}" for reason, count in counts.items()) or "none"

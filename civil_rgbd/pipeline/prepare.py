@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
 
 import numba
 import numpy as np
@@ -37,6 +38,15 @@ class PointCounts:
     out_of_range: int = 0
     noise: int = 0
     outside_trajectory: int = 0
+
+
+def total_points(counts: Iterable[PointCounts]) -> dict[str, int]:
+    """Add up what became of the points of many messages, by field of :class:`PointCounts`."""
+    counts = list(counts)
+    return {
+        field.name: sum(getattr(count, field.name) for count in counts)
+        for field in fields(PointCounts)
+    }
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -195,7 +195,7 @@ def test_another_recipe_is_refused_until_overwrite(
     build_bridge(recording, recipe, tmp_path, INFO, QUIET)
     other = load_recipe("250k", ["accumulate.points=4000"])
 
-    with pytest.raises(BuildError, match="whose recipe differ") as caught:
+    with pytest.raises(BuildError, match=r"built otherwise \(different: recipe\)") as caught:
         build_bridge(recording, other, tmp_path, INFO, QUIET)
     assert "--overwrite" in caught.value.fix
 
@@ -212,7 +212,7 @@ def test_an_unfinished_build_of_another_recipe_is_refused_until_overwrite(
         build_bridge(recording, recipe, tmp_path, INFO, BuildOptions(on_progress=_StopAfter(2)))
     other = load_recipe("250k", ["accumulate.points=4000"])
 
-    with pytest.raises(BuildError, match="unfinished build lies here whose recipe"):
+    with pytest.raises(BuildError, match=r"begun otherwise \(different: recipe\)"):
         build_bridge(recording, other, tmp_path, INFO, QUIET)
 
     build_bridge(recording, other, tmp_path, INFO, BuildOptions(overwrite=True))

@@ -1,0 +1,236 @@
+"""Every message that a user can meet on the way from a recording to a bridge, word for word.
+
+``CIVIL_RGBD_REGENERATE=1 pytest tests/test_error_messages.py`` writes the file anew: review its
+diff as you would review the messages in the code.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from civil_rgbd.cli import main
+
+from .conversion import messages, scene
+
+GOLDEN = Path(__file__).parent / "data/error_messages.json"
+RIG = """
+[camera]
+width_px = 64
+height_px = 48
+fx_px = 50.0
+fy_px = 50.0
+cx_px = 32.0
+cy_px = 24.0
+"""
+
+Case = Callable[[Path], list[str]]
+
+
+def _built(folder: Path, parts: dict[str, list[scene.Message]], *extra: str) -> list[str]:
+    file = scene.write(folder / "scan.mcap", parts)
+    return ["build", "--out", str(folder / "out"), *extra, str(file)]
+
+
+def _without(part: str) -> Case:
+    def case(folder: Path) -> list[str]:
+        parts = scene.whole()
+        del parts[part]
+        return _built(folder, parts)
+
+    return case
+
+
+def _with(**parts: Callable[[], list[scene.Message]]) -> Case:
+    return lambda folder: _built(folder, scene.whole() | {k: make() for k, make in parts.items()})
+
+
+def _no_such_file(folder: Path) -> list[str]:
+    return ["build", "--out", str(folder / "out"), str(folder / "park_street.mcap")]
+
+
+def _not_an_mcap(folder: Path) -> list[str]:
+    (folder / "scan.mcap").write_text("a shopping list")
+    return ["build", "--out", str(folder / "out"), str(folder / "scan.mcap")]
+
+
+def _unknown_container(folder: Path) -> list[str]:
+    (folder / "scan.rosbag").write_text("")
+    return ["build", "--out", str(folder / "out"), str(folder / "scan.rosbag")]
+
+
+def _truncated(folder: Path) -> list[str]:
+    file = scene.write(folder / "scan.mcap", scene.whole())
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    return ["build", "--out", str(folder / "out"), str(file)]
+
+
+def _camera_info(**what: object) -> Case:
+    return _with(infos=lambda: scene.infos(**what))
+
+
+def _distortion_left_in(folder: Path) -> list[str]:
+    parts = scene.whole() | {"infos": scene.infos(d=(0.1, 0.0, 0.0, 0.0, 0.0))}
+    return _built(folder, parts, "--set", "image.undistort=false")
+
+
+def _two_lidars() -> list[scene.Message]:
+    return scene.scans() + scene.scans("/rear/lidar")
+
+
+def _stamps_near_zero() -> list[scene.Message]:
+    return [
+        scene.Message(
+            scene.LIDAR,
+            "livox_ros_driver2/msg/CustomMsg",
+            scene.stamp(i),
+            messages.custom_msg(i * scene.STEP_NS, [(0, 5.0, 0.0, 0.0, 9, 0, 0)], frame="lidar"),
+        )
+        for i in range(scene.SCANS)
+    ]
+
+
+def _nothing_finite() -> list[scene.Message]:
+    cloud = np.full((30, 3), np.nan, dtype=np.float32)
+    return [
+        message._replace(payload=messages.xyz_cloud(scene.stamp(i), cloud))
+        for i, message in enumerate(scene.scans())
+    ]
+
+
+def _poses_that_end_early() -> list[scene.Message]:
+    return [
+        message._replace(payload=messages.odometry(scene.stamp(0) - 3 + i, child="lidar"))
+        for i, message in enumerate(scene.poses()[:3])
+    ]
+
+
+def _wall_before_the_camera() -> list[scene.Message]:
+    # scene.static() puts the camera at (1, 2, 3) m of the LiDAR, looking along its x.
+    y, z = np.meshgrid(np.linspace(1, 3, 6), np.linspace(2, 4, 5))
+    wall = np.stack([np.full(30, 7.0), y.ravel(), z.ravel()], axis=1).astype(np.float32)
+    return [
+        message._replace(payload=messages.xyz_cloud(scene.stamp(i), wall))
+        for i, message in enumerate(scene.scans())
+    ]
+
+
+def _bridge_there(folder: Path) -> list[str]:
+    parts = scene.whole() | {"scans": _wall_before_the_camera()}
+    command = _built(folder, parts, "--set", "accumulate.points=30", "--workers", "1")
+    assert main(command) == 0
+    return [word.replace("points=30", "points=40") for word in command]
+
+
+def _read_only(folder: Path) -> list[str]:
+    (folder / "out").write_text("a file where the folder should be")
+    return _built(folder, scene.whole())
+
+
+def _rig(text: str) -> Case:
+    def case(folder: Path) -> list[str]:
+        (folder / "rig.toml").write_text(text)
+        return _built(folder, scene.whole(), "--rig", str(folder / "rig.toml"))
+
+    return case
+
+
+def _options(*options: str) -> Case:
+    return lambda folder: _built(folder, scene.whole(), *options)
+
+
+def _recipe_file(text: str) -> Case:
+    def case(folder: Path) -> list[str]:
+        (folder / "mine.toml").write_text(text)
+        return _built(folder, scene.whole(), "--recipe", str(folder / "mine.toml"))
+
+    return case
+
+
+CASES: dict[str, Case] = {
+    "no such file": _no_such_file,
+    "not an MCAP": _not_an_mcap,
+    "unknown container": _unknown_container,
+    "truncated in the middle": _truncated,
+    "no camera model and no rig": _without("infos"),
+    "no point clouds": _without("scans"),
+    "no images": _without("images"),
+    "no poses": _without("poses"),
+    "no extrinsics": _without("tf"),
+    "two LiDARs": _with(scans=_two_lidars),
+    "clocks that do not overlap": _with(scans=_stamps_near_zero),
+    "image size unlike CameraInfo": _camera_info(size=(1280, 720)),
+    "uncalibrated camera": _camera_info(k=(0.0,) * 9),
+    "unknown lens": _camera_info(model="kannala_brandt8", d=(0.1,) * 8),
+    "no finite point": _with(scans=_nothing_finite),
+    "ring never full": _options(),
+    "nothing selected": _with(poses=_poses_that_end_early),
+    "bridge of another recipe": _bridge_there,
+    "output is a file": _read_only,
+    "unknown recipe": _options("--recipe", "25k"),
+    "unknown stage": _options("--set", "acumulate.points=1"),
+    "unknown key": _options("--set", "accumulate.point=1"),
+    "value out of range": _options("--set", "accumulate.min_fill=2"),
+    "unknown key in a recipe file": _recipe_file("[select]\nmin_displacment_m = 0.1\n"),
+    "recipe is not TOML": _recipe_file("select = ["),
+    "step is no power of two": _options("--set", "depth.step_m=0.001"),
+    "distortion left in": _distortion_left_in,
+    "no bridge id": _options("--bridge", "Park St."),
+    "unknown topic": _options("--lidar-topic", "/lidr"),
+    "unusual point time": _options("--point-time", "stamp:us"),
+    "unknown key in a rig": _rig(RIG + "focal_px = 3\n"),
+    "rig for another camera": _rig(RIG.replace("64", "1280").replace("48", "720")),
+    "validate nothing": lambda folder: ["validate", str(folder / "missing")],
+    "info of a folder that is no dataset": lambda folder: ["info", str(folder)],
+    "unknown simulated bridge": lambda folder: [
+        "simulate",
+        "--bridge",
+        "dmeo",
+        str(folder / "raw.mcap"),
+    ],
+}
+
+
+def _said(case: Case, folder: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    arguments = case(folder)
+    capsys.readouterr()
+    status = main(arguments)
+    said = capsys.readouterr().err
+    return status, re.sub(r"\.\d+\.partial", ".PID.partial", said.replace(str(folder), "<folder>"))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_message_is_the_one_that_was_agreed(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, said = _said(CASES[name], tmp_path, capsys)
+    golden = json.loads(GOLDEN.read_text("utf-8")) if GOLDEN.exists() else {}
+    if os.environ.get("CIVIL_RGBD_REGENERATE"):
+        golden = {case: golden.get(case) for case in CASES} | {name: said.splitlines()}
+        GOLDEN.write_text(json.dumps(golden, indent=2) + "\n", "utf-8")
+
+    assert status == 2
+    assert said.splitlines() == golden[name]
+    assert "  where: " in said
+    assert "  fix:   " in said
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name != "bridge of another recipe"])
+def test_nothing_half_written_is_visible(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _said(CASES[name], tmp_path, capsys)
+
+    assert not list(tmp_path.rglob("manifest.json"))
+    assert not list(tmp_path.rglob("dataset.json"))
+
+
+def test_the_file_holds_no_message_of_a_case_that_is_gone() -> None:
+    assert set(json.loads(GOLDEN.read_text("utf-8"))) == set(CASES)
