@@ -144,7 +144,7 @@ def test_a_recording_without_an_image_that_has_a_pose_is_refused(stamps: list[fl
 
 def test_counts_are_said_by_reason() -> None:
     assert in_words({"a": 2, "b": 1}) == "a 2, b 1"
-    assert in_words({}) == "nothing was seen"
+    assert in_words({}) == "none"
 
 
 # --- chunks -----------------------------------------------------------------------------------
