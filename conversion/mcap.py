@@ -47,7 +47,9 @@ def open_recording(location: str | Path, options: RecordingOptions | None = None
         raise _unreadable(path, error) from error
     salvage = _judge(extent, options, path)
     payloads = McapPayloads(path.absolute(), size_bytes)
-    notes = RecordingNotes(salvage=salvage, warnings=tuple(extent.remarks))
+    notes = RecordingNotes(
+        salvage=salvage, simulated=extent.simulated, warnings=tuple(extent.remarks)
+    )
     opened = Opened(table, payloads, (source,), path.stem, path, notes)
     try:
         return assemble(opened, options)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -22,7 +23,7 @@ RECORD: Final = struct.Struct("<BQ")
 """Opcode and length, before every record."""
 MESSAGE: Final = struct.Struct("<HIQQ")
 """channel, sequence, log time, publish time, before every payload."""
-FOOTER, SCHEMA, CHANNEL, MESSAGE_OP, CHUNK, DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
+FOOTER, SCHEMA, CHANNEL, MESSAGE_OP, CHUNK, METADATA, DATA_END = 2, 3, 4, 5, 6, 0x0C, 0x0F
 NO_CHUNK: Final = -1
 """In place of a chunk's start, for messages that lie outside of chunks."""
 
@@ -52,6 +53,7 @@ class Extent:
         remarks: what is odd though nothing is lost.
         unknown_compression: a chunk is compressed in a way that is not known.
         whole: the data section was read to its end.
+        simulated: a metadata record says that a simulator wrote the file.
     """
 
     messages: int = 0
@@ -61,6 +63,7 @@ class Extent:
     remarks: list[str] = field(default_factory=list)
     unknown_compression: bool = False
     whole: bool = False
+    simulated: bool = False
 
     @property
     def duration_s(self) -> float:
@@ -138,7 +141,17 @@ class _Walk:
             self._definition(opcode, memoryview(self._file.read(length)))
         elif opcode == MESSAGE_OP:
             self._message_outside_of_chunks(body, length)
+        elif opcode == METADATA and length < _SMALL_MESSAGE_BYTES:
+            self._metadata(memoryview(self._file.read(length)))
         return after
+
+    def _metadata(self, record: memoryview) -> None:
+        with contextlib.suppress(struct.error, ValueError):  # no message depends on it
+            (name_length,) = struct.unpack_from("<I", record)
+            (name,) = _strings(record, 0)
+            # After the name a map: its length in bytes, then keys and values.
+            key, value = _strings(record, 8 + name_length, 2)
+            self._extent.simulated |= (name, key, value) == ("civil_rgbd", "origin", "simulated")
 
     def _note(self, at: int, what: str) -> None:
         if self._extent.whole:
