@@ -19,7 +19,7 @@ from civil_rgbd.simulator.texture import (
     sky_picture,
 )
 
-_BLOCK_PX: Final = 100_000  # pixels at a time: what lies between two steps stays in the cache
+_BLOCK_PX: Final = 25_600  # pixels at a time: what lies between two steps stays in the cache
 _EXPOSURE: Final = np.float32(1.15)
 _SUN_TINT: Final = (1.06, 1.0, 0.90)
 _SKY_TINT: Final = (0.94, 1.0, 1.08)

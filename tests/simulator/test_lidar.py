@@ -43,7 +43,7 @@ def test_the_field_of_view_is_that_of_the_avia() -> None:
     azimuth = np.degrees(np.arctan2(beams[:, 1], beams[:, 0]))
     elevation = np.degrees(np.arcsin(beams[:, 2]))
 
-    np.testing.assert_allclose(np.linalg.norm(beams, axis=1), 1.0, atol=1e-14)
+    np.testing.assert_allclose(np.linalg.norm(beams, axis=1), 1.0, rtol=0, atol=1e-14)
     assert azimuth.max() - azimuth.min() == pytest.approx(70.4, abs=0.5)
     assert elevation.max() - elevation.min() == pytest.approx(77.2, abs=0.5)
 
@@ -121,6 +121,26 @@ def test_the_seed_decides_and_the_order_of_reading_does_not() -> None:
     for one, two in zip(forwards, backwards, strict=True):
         np.testing.assert_array_equal(one, two)
     assert (other != forwards[0]).any()
+
+
+def test_every_message_has_its_own_noise() -> None:
+    quiet, noisy = (
+        ScanSpec(seconds=1.0, point_rate_hz=6_000, range_noise_m=sigma) for sigma in (0.0, 0.01)
+    )
+    first, second = (
+        np.linalg.norm(simulate_scan(noisy, i).points_lidar, axis=1)
+        - np.linalg.norm(simulate_scan(quiet, i).points_lidar, axis=1)
+        for i in (0, 1)
+    )
+
+    assert np.abs(np.corrcoef(first, second)[0, 1]) < 0.3
+
+
+def test_a_far_away_map_gives_the_same_points() -> None:
+    far = ScanSpec(seconds=2.0, point_rate_hz=60_000, map_offset_m=(540_000.0, 4_810_000.0, 330.0))
+
+    difference = simulate_scan(far, 3).points_lidar - simulate_scan(SPEC, 3).points_lidar
+    assert np.quantile(np.abs(difference), 0.999) < 1e-4
 
 
 def test_only_whole_messages_are_sent() -> None:
