@@ -114,6 +114,7 @@ def write(  # each knob is one way that real files differ
     crcs: bool = True,
     encoding: str = "cdr",
     summary: bool = True,
+    silent: tuple[tuple[str, str], ...] = (),
 ) -> Path:
     written = flat(content) if isinstance(content, dict) else content
     writer = Writer(
@@ -128,6 +129,8 @@ def write(  # each knob is one way that real files differ
         use_summary_offsets=summary,
     )
     writer.start(profile="ros2", library="tests")
+    for topic, type_name in silent:  # advertised, but nothing was published
+        writer.register_channel(topic, encoding, writer.register_schema(type_name, "ros2msg", b""))
     channels: dict[tuple[str, str], int] = {}
     for message in written:
         key = message.topic, message.type_name

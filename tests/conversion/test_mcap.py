@@ -112,6 +112,17 @@ def test_a_large_message_outside_of_chunks_is_indexed_by_its_head(tmp_path: Path
     assert np.array_equal(opened.read_scan(0).points, points)
 
 
+def test_topics_without_messages_do_not_count(tmp_path: Path) -> None:
+    silent = (
+        ("/other/odom", "nav_msgs/msg/Odometry"),
+        ("/other/lidar", "sensor_msgs/msg/PointCloud2"),
+        ("/other/image", "sensor_msgs/msg/Image"),
+        ("/cam/other_info", "sensor_msgs/msg/CameraInfo"),
+    )
+    opened = open_recording(scene.write(tmp_path / "a.mcap", scene.whole(), silent=silent))
+    assert len(opened.scan_stamps_ns) == scene.SCANS
+
+
 def test_channels_of_one_topic_are_one_stream(tmp_path: Path) -> None:
     parts = scene.whole()
     for i in range(0, scene.SCANS, 2):  # the old spelling registers a second channel

@@ -131,7 +131,7 @@ class TestKitti:
     def test_half_of_it_is_salvaged(self, path: Path, tmp_path: Path) -> None:
         half = tmp_path / "half.mcap"
         half.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-        with pytest.raises(RecordingError, match="messages over 0.9.* s are readable"):
+        with pytest.raises(RecordingError, match=r"messages over 0.9.* s are readable"):
             open_recording(half)
         recording = open_recording(half, RecordingOptions(salvage=True))
         whole = open_recording(path)

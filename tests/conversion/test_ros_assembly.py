@@ -142,7 +142,7 @@ class TestTopics:
 class TestCamera:
     def test_an_uncalibrated_camera_is_no_camera(self, tmp_path: Path) -> None:
         parts = {**scene.whole(), "infos": scene.infos(k=(0,) * 9)}
-        with pytest.raises(RecordingError, match="no camera model: .*not calibrated"):
+        with pytest.raises(RecordingError, match=r"no camera model: .*not calibrated"):
             opened(tmp_path, parts)
 
     @pytest.mark.parametrize(
