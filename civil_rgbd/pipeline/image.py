@@ -12,6 +12,7 @@ from civil_rgbd.domain.recipe import ImageStage
 from civil_rgbd.geometry.camera import LensCamera, PinholeCamera, SourcePixels, source_pixels
 
 _AREA_BELOW = 0.5  # bilinear lookups skip source pixels below this scale: average areas first
+_PARTS_OF_A_PIXEL = 32  # cv2.remap's own, cv2.INTER_TAB_SIZE
 
 
 class ImageMaker:
@@ -28,8 +29,9 @@ class ImageMaker:
         self._shrinks_first = stage.scale < _AREA_BELOW
         looked_up = replace(raw, pinhole=self.camera) if self._shrinks_first else raw
         self._moves_pixels = looked_up.distorts or looked_up.pinhole != self.camera
-        self._source: SourcePixels = source_pixels(looked_up, self.camera)
-        self.exists = self._source.exists
+        source = source_pixels(looked_up, self.camera)
+        self._pixels, self._weights = _whole_pixels_and_weights(source)
+        self.exists = source.exists
         self._missing = ~self.exists if not self.exists.all() else None
 
     @property
@@ -55,8 +57,8 @@ class ImageMaker:
         if self._moves_pixels:
             rgb = cv2.remap(
                 rgb,
-                self._source.columns,
-                self._source.rows,
+                self._pixels,
+                self._weights,
                 interpolation=cv2.INTER_LINEAR,
                 borderMode=cv2.BORDER_REPLICATE,
             )
@@ -65,3 +67,22 @@ class ImageMaker:
             rgb[self._missing] = 0
         made: NDArray[np.uint8] = rgb
         return made
+
+
+def _whole_pixels_and_weights(
+    source: SourcePixels,
+) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
+    """Return the places in cv2.remap's fixed-point form: (H, W, 2) pixels, (H, W) weights.
+
+    With float32 places cv2.remap interpolates in float32, and where the processor can fuse a
+    product with a sum some pixels are a grey level off. In fixed point it counts in integers.
+    """
+    column, row = (
+        np.floor(places.astype(np.float64) * _PARTS_OF_A_PIXEL + 0.5)
+        .clip(-(2**15) * _PARTS_OF_A_PIXEL, 2**15 * _PARTS_OF_A_PIXEL - 1)
+        .astype(np.int32)
+        for places in (source.columns, source.rows)
+    )
+    pixels = np.stack([column // _PARTS_OF_A_PIXEL, row // _PARTS_OF_A_PIXEL], axis=-1)
+    weights = row % _PARTS_OF_A_PIXEL * _PARTS_OF_A_PIXEL + column % _PARTS_OF_A_PIXEL
+    return pixels.astype(np.int16), weights.astype(np.uint16)
