@@ -26,6 +26,8 @@ _TYPES: Final = {
 }
 _NULLABLE: Final = {"quality_path", "quality_file_sha256", "quality_pixel_sha256"}
 _VERSION_KEY: Final = b"format_version"
+_DAMAGE: Final = (pa.ArrowException, OSError, ValueError, KeyError, OverflowError, MemoryError)
+"""What pyarrow raises on a damaged file; UnicodeDecodeError is a ValueError."""
 _FIX: Final = "build the bridge again, or download it again; docs/format.md lists the columns"
 
 SCHEMA: Final = pa.schema(
@@ -51,7 +53,7 @@ def write_index(path: Path, rows: Sequence[FrameRow]) -> None:
     schema = SCHEMA.with_metadata({_VERSION_KEY: FORMAT_VERSION.encode()})
     table = pa.Table.from_pydict(columns, schema=schema)
     with whole_file(path) as scratch:
-        pq.write_table(table, scratch, compression="zstd")
+        pq.write_table(table, scratch, compression="zstd", write_page_checksum=True)
 
 
 def read_index_table(path: Path) -> pa.Table:
@@ -62,11 +64,12 @@ def read_index_table(path: Path) -> pa.Table:
     """
     try:
         # One thread: a forked worker must not wait for a pool that only its parent has.
-        with pq.ParquetFile(path, pre_buffer=False) as stream:
+        with pq.ParquetFile(path, pre_buffer=False, page_checksum_verification=True) as stream:
             table = stream.read(use_threads=False)
+        table.validate(full=True)
     except FileNotFoundError as error:
         raise FormatError("the file is missing", where=path, fix=_FIX) from error
-    except (pa.ArrowException, OSError) as error:
+    except _DAMAGE as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise FormatError(
             f"this is not a whole Parquet file: {reason}", where=path, fix=_FIX
