@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from civil_rgbd.conversion.frame_tree import FrameTree
+from civil_rgbd.domain.rig import RigFile
 from civil_rgbd.errors import RecordingError
-from civil_rgbd.trajectories.rig import RigFile
 
 BODIES = ("camera", "lidar", "imu")
 """What ``--pose-of`` may name."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from civil_rgbd.conversion.camera_info import CameraInfo, camera_from_info, parse_camera_info
 from civil_rgbd.conversion.cdr import decoding
@@ -33,12 +32,11 @@ from civil_rgbd.conversion.ros_poses import (
 from civil_rgbd.conversion.ros_recording import NO_REACH, Payloads, RosRecording, Stream
 from civil_rgbd.conversion.topics import LIVOX_TYPES, Topic, TopicTable
 from civil_rgbd.domain.recording import RecordingNotes, RecordingOptions, SourceFile
-from civil_rgbd.domain.rig import Rig
+from civil_rgbd.domain.rig import Rig, RigFile
 from civil_rgbd.errors import ImageDecodeError, RecordingError, UsageError
 from civil_rgbd.geometry.camera import LensCamera
 from civil_rgbd.geometry.trajectory import Trajectory
 from civil_rgbd.resources import nearest
-from civil_rgbd.trajectories.rig import RigFile, read_rig
 
 _TIMEBASE_TOLERANCE_NS = 1_000_000
 
@@ -85,7 +83,7 @@ def assemble(opened: Opened, options: RecordingOptions) -> RosRecording:
     """
     table, where = opened.table, opened.where
     _check_pose_of(options)
-    rig_file = read_rig(Path(options.rig_path)) if options.rig_path else RigFile()
+    rig_file = options.rig
     lidar = choose_lidar(table, options, where=where)
     images = choose_images(table, options, where=where)
     camera, camera_frame, camera_warnings = _camera(opened, options, rig_file, images)

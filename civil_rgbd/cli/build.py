@@ -72,6 +72,7 @@ if TYPE_CHECKING:
 @click.option(
     "--rig",
     "rig_path",
+    type=click.Path(path_type=Path),
     metavar="FILE",
     help="TOML: camera, extrinsics and time offset, where the recording lacks them.",
 )
@@ -94,6 +95,7 @@ def command(
     workers: int | None,
     overwrite: bool,
     as_json: bool,
+    rig_path: Path | None,
     **recording_options: object,
 ) -> None:
     """Build a bridge folder from SOURCE, a raw recording.
@@ -109,13 +111,17 @@ def command(
     from civil_rgbd.cli.progress import frame_bar
     from civil_rgbd.converters import open_recording
     from civil_rgbd.domain.recording import RecordingOptions
+    from civil_rgbd.domain.rig import RigFile
+    from civil_rgbd.trajectories.rig import read_rig
 
     recipe = load_recipe(recipe_name, settings)
     location = source or _demo_recording()
     bridge_id = bridge_id or ("demo" if source is None else Path(source).stem)
     require_free_id(dataset, bridge_id)
     info = _info(bridge_id, bridge_info, licence, simulated=source is None)
-    recording = open_recording(location, RecordingOptions(**recording_options))  # type: ignore[arg-type]  # click hands them over by name
+    rig = read_rig(rig_path) if rig_path else RigFile()
+    options = RecordingOptions(rig=rig, **recording_options)  # type: ignore[arg-type]  # click hands them over by name
+    recording = open_recording(location, options)
     with frame_bar(info.bridge_id) as on_progress:
         report = build_bridge(
             recording,

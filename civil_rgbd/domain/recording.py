@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.domain.rig import Rig
+from civil_rgbd.domain.rig import Rig, RigFile
 from civil_rgbd.domain.scan import LidarScan
 from civil_rgbd.geometry.trajectory import Trajectory
 
@@ -40,7 +40,7 @@ class RecordingOptions:
         camera_info_topic: the CameraInfo's topic, where several fit.
         pose_topic: the topic of the poses, where several fit.
         pose_of: ``camera``, ``lidar`` or ``imu``: the body of poses without a child frame.
-        rig_path: a rig file (TOML) that gives or overrides camera, extrinsics and time offset.
+        rig: what a rig file says; it gives or overrides camera, extrinsics and time offset.
         point_time: ``FIELD:UNIT:REFERENCE`` for unusual per-point times.
         rectified: the images are rectified already, whatever their topic's name.
         salvage: read what is readable of a damaged file.
@@ -51,7 +51,7 @@ class RecordingOptions:
     camera_info_topic: str | None = None
     pose_topic: str | None = None
     pose_of: str | None = None
-    rig_path: str | None = None
+    rig: RigFile = field(default_factory=RigFile)
     point_time: str | None = None
     rectified: bool = False
     salvage: bool = False

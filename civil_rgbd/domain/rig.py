@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,3 +51,26 @@ class Rig:
     def camera_time_offset_ns(self) -> int:
         """``camera_time_offset_s`` in whole nanoseconds, rounded to nearest."""
         return round(self.camera_time_offset_s * 1e9)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RigFile:
+    """What a rig file says; None and absent where it says nothing.
+
+    Attributes:
+        camera: the raw camera.
+        rectified: the images are rectified already.
+        extrinsics: ``T_a_b`` (4, 4) by (a, b); frames are lidar, camera, imu and body.
+        camera_time_offset_s: added to image stamps to reach the LiDAR clock.
+        camera_name: the camera's name.
+        lidar_name: the LiDAR's name.
+        map_up: unit vector against gravity, map frame.
+    """
+
+    camera: LensCamera | None = None
+    rectified: bool = False
+    extrinsics: Mapping[tuple[str, str], NDArray[np.float64]] = field(default_factory=dict)
+    camera_time_offset_s: float | None = None
+    camera_name: str | None = None
+    lidar_name: str | None = None
+    map_up: tuple[float, float, float] | None = None

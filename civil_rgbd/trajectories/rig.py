@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,6 +12,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError, best_match
 from numpy.typing import NDArray
 
+from civil_rgbd.domain.rig import RigFile
 from civil_rgbd.errors import UsageError
 from civil_rgbd.geometry.camera import LensCamera, PinholeCamera
 from civil_rgbd.geometry.transforms import (
@@ -39,29 +38,6 @@ _TYPED_TOLERANCE: Final = 1e-3
 """How far numbers typed with a few digits may be from a rotation; they are made exact then."""
 
 _PINHOLE: Final = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RigFile:
-    """What a rig file says; None and absent where it says nothing.
-
-    Attributes:
-        camera: the raw camera.
-        rectified: the images are rectified already.
-        extrinsics: ``T_a_b`` (4, 4) by (a, b); frames are lidar, camera, imu and body.
-        camera_time_offset_s: added to image stamps to reach the LiDAR clock.
-        camera_name: the camera's name.
-        lidar_name: the LiDAR's name.
-        map_up: unit vector against gravity, map frame.
-    """
-
-    camera: LensCamera | None = None
-    rectified: bool = False
-    extrinsics: Mapping[tuple[str, str], NDArray[np.float64]] = field(default_factory=dict)
-    camera_time_offset_s: float | None = None
-    camera_name: str | None = None
-    lidar_name: str | None = None
-    map_up: tuple[float, float, float] | None = None
 
 
 def read_rig(path: Path) -> RigFile:

@@ -14,6 +14,7 @@ from mcap.writer import CompressionType
 from civil_rgbd.conversion.mcap import open_recording
 from civil_rgbd.domain.recording import RecordingOptions
 from civil_rgbd.errors import RecordingError, UsageError
+from civil_rgbd.trajectories.rig import read_rig
 
 from . import messages, scene
 
@@ -250,7 +251,7 @@ class TestDamage:
         recording.write_bytes(data)
 
         opened = open_recording(
-            recording, RecordingOptions(salvage=True, rig_path=str(_rig(recording.parent)))
+            recording, RecordingOptions(salvage=True, rig=read_rig(_rig(recording.parent)))
         )
         assert scene.stamp(19) in opened.scan_stamps_ns
 
@@ -340,7 +341,7 @@ class TestMissing:
         rig.write_text(f"camera_time_offset_s = {-shift_ns // 10**9}\n")
         path = scene.write(tmp_path / "a.mcap", parts)
 
-        opened = open_recording(path, RecordingOptions(rig_path=str(rig)))
+        opened = open_recording(path, RecordingOptions(rig=read_rig(rig)))
         assert opened.rig.camera_time_offset_ns == -shift_ns
 
     def test_image_size_unlike_camera_info_names_both(self, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from civil_rgbd.conversion.mcap import open_recording
 from civil_rgbd.domain.recording import Recording, RecordingOptions
 from civil_rgbd.errors import RecordingError, UsageError
+from civil_rgbd.trajectories.rig import read_rig
 
 from . import messages, scene
 
@@ -179,7 +180,7 @@ class TestCamera:
             "[extrinsics]\nT_lidar_camera = {translation_m = [7, 8, 9], "
             "quaternion_xyzw = [0, 0, 0, 1]}\n"
         )
-        recording = opened(tmp_path, scene.whole(), rig_path=str(rig))
+        recording = opened(tmp_path, scene.whole(), rig=read_rig(rig))
         assert recording.rig.camera.lens == "fisheye"
         assert recording.rig.T_body_camera[:3, 3].tolist() == [7, 8, 9]
         assert recording.rig.camera_time_offset_ns == 250_000_000
