@@ -11,10 +11,10 @@ from itertools import islice
 from pathlib import Path
 from typing import IO, Final
 
+import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from civil_rgbd.errors import OutputError
-from civil_rgbd.geometry.transforms import quaternion_from_matrix
 from civil_rgbd.simulator.camera import raw_camera, simulate_jpeg
 from civil_rgbd.simulator.cdr import (
     camera_info_message,
@@ -41,7 +41,7 @@ from civil_rgbd.simulator.walk import (
     imu_poses,
     imu_readings,
     pose_stamps_ns,
-    stated_T_lidar_camera,
+    stated_mount,
 )
 
 LIBRARY: Final = "civil_rgbd simulator"
@@ -145,11 +145,8 @@ def _messages(spec: ScanSpec, progress: Progress) -> Iterator[Message]:
 
 def _static_transforms(spec: ScanSpec) -> Iterator[Message]:
     links = [
-        (parent, child, T[:3, 3], quaternion_from_matrix(T[:3, :3]))
-        for parent, child, T in (
-            (IMU_FRAME, LIDAR_FRAME, T_IMU_LIDAR),
-            (LIDAR_FRAME, CAMERA_FRAME, stated_T_lidar_camera(spec)),
-        )
+        (IMU_FRAME, LIDAR_FRAME, T_IMU_LIDAR[:3, 3], np.array([0.0, 0.0, 0.0, 1.0])),
+        (LIDAR_FRAME, CAMERA_FRAME, *stated_mount(spec)),
     ]
     yield START_NS, "/tf_static", tf_message(START_NS, links)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
 
@@ -139,7 +140,7 @@ def open_recording(
     Raises:
         UsageError: the bridge or a setting is unknown, a value or an option does not fit.
     """
-    if options not in (None, RecordingOptions()):
+    if options is not None and asdict(options) != asdict(RecordingOptions()):
         raise UsageError(
             "a simulated recording has no topics, rig file or damage to choose options for",
             where=location,

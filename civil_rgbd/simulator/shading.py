@@ -19,12 +19,15 @@ from civil_rgbd.simulator.texture import (
     sky_picture,
 )
 
-_BLOCK_PX: Final = 25_600  # pixels at a time: what lies between two steps stays in the cache
+_BLOCK_PX: Final = (
+    25_600  # at a time: steps find their input in the cache; cv2.remap takes < 32,768
+)
 _EXPOSURE: Final = np.float32(1.15)
 _SUN_TINT: Final = (1.06, 1.0, 0.90)
 _SKY_TINT: Final = (0.94, 1.0, 1.08)
 _SKY_BLUE: Final = (0.50, 0.68, 0.95)
 _SENSOR_NOISE: Final = np.float32(1.6)  # grey values
+_TEXEL_BITS: Final = 5  # cv2.remap's own: a texel has 32 parts
 _LIFT_M: Final = 3e-3  # shadow rays start this far off the surface
 
 # Rows of the table that says for each triangle how it is painted.
@@ -192,13 +195,18 @@ def _albedo(rows: Plane, u: Plane, v: Plane, pixel_m: Plane) -> Plane:
 
 
 def _lookup(picture: NDArray[np.uint8], columns: Plane, lines: Plane) -> NDArray[np.uint8]:
-    # OpenCV wants two dimensions below 32,768.
-    n = len(columns)
-    shape = (1 << 7, -(-n // (1 << 7)))
-    padded = [np.resize(plane, shape) for plane in (columns, lines)]
-    found = cv2.remap(picture, padded[0], padded[1], cv2.INTER_LINEAR)
-    seen: NDArray[np.uint8] = found.reshape(shape[0] * shape[1], *picture.shape[2:])[:n]
-    return seen
+    # In fixed point, which OpenCV interpolates in whole numbers: the same on every processor.
+    column, line = (
+        (places * np.float32(1 << _TEXEL_BITS) + np.float32(0.5)).astype(np.int32)
+        for places in (columns, lines)
+    )
+    whole = np.empty((1, len(columns), 2), dtype=np.int16)
+    whole[0, :, 0], whole[0, :, 1] = column >> _TEXEL_BITS, line >> _TEXEL_BITS
+    mask = (1 << _TEXEL_BITS) - 1
+    parts = ((line & mask) << _TEXEL_BITS) + (column & mask)
+    found = cv2.remap(picture, whole, parts.astype(np.uint16)[np.newaxis], cv2.INTER_LINEAR)
+    texels: NDArray[np.uint8] = found[0]
+    return texels
 
 
 def _bilinear(values: Plane, columns: Plane, lines: Plane) -> Plane:

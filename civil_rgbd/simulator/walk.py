@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.geometry.transforms import (
@@ -51,7 +51,7 @@ def imu_poses(
     """
     t = (stamps_ns - START_NS).astype(np.float64) / NS_PER_S
     place, quaternions = _stroll(t, speed_m_s=spec.speed_m_s)
-    return place + np.asarray(spec.map_offset_m), unit_quaternion(quaternions)
+    return place + np.asarray(spec.map_offset_m), _unit(quaternions)
 
 
 def _stroll(
@@ -117,32 +117,44 @@ def camera_poses(spec: ScanSpec, stamps_ns: NDArray[np.int64]) -> NDArray[np.flo
     return compose(T_map_imu, T_IMU_LIDAR, T_LIDAR_CAMERA)
 
 
-def stated_T_lidar_camera(spec: ScanSpec) -> NDArray[np.float64]:
-    """Return the camera's pose in the LiDAR frame as the recording states it, errors and all."""
+def stated_mount(spec: ScanSpec) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the camera's pose in the LiDAR frame as the recording states it, errors and all.
+
+    Returns:
+        translation (3,) metres; quaternion (4,), xyzw.
+    """
     if not any((*spec.extrinsic_error_deg, *spec.extrinsic_error_m)):
-        return T_LIDAR_CAMERA
+        return _MOUNT_M, _MOUNT_XYZW
     angles = np.radians(np.asarray(spec.extrinsic_error_deg))
     error = chain_turns(*(turn_about(axis, angles[axis : axis + 1]) for axis in range(3)))
-    T_camera_stated = _mounted(error[0], spec.extrinsic_error_m)
-    wrong = compose(T_LIDAR_CAMERA, T_camera_stated)
-    return _mounted(quaternion_from_matrix(wrong[:3, :3]), wrong[:3, 3])
+    T_camera_stated = transform_from(matrix_from_quaternion(error[0]), spec.extrinsic_error_m)
+    return compose(T_LIDAR_CAMERA, T_camera_stated)[:3, 3], _unit(
+        chain_turns(_MOUNT_XYZW, error[0])
+    )
 
 
-def _mounted(quaternion_xyzw: NDArray[np.float64], place_m: ArrayLike) -> NDArray[np.float64]:
-    # By way of a quaternion, as files state it: reading one back then gives the same bits.
-    return transform_from(matrix_from_quaternion(unit_quaternion(quaternion_xyzw)), place_m)
+def stated_T_lidar_camera(spec: ScanSpec) -> NDArray[np.float64]:
+    """Return :func:`stated_mount` as a (4, 4) transform."""
+    translation_m, quaternion_xyzw = stated_mount(spec)
+    return transform_from(matrix_from_quaternion(quaternion_xyzw), translation_m)
 
 
-def _camera_mount() -> NDArray[np.float64]:
+def _unit(quaternions_xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
+    # Twice: a reader that scales them to norm 1 again then changes no bit.
+    return unit_quaternion(unit_quaternion(quaternions_xyzw))
+
+
+def _mount_xyzw() -> NDArray[np.float64]:
     # Optical axes in a body that looks along x: right = -y, down = -z, forward = x.
     axes = quaternion_from_matrix([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     tilts = [turn_about(2, np.array([-0.021])), turn_about(1, np.array([-0.049]))]
-    turned = chain_turns(*tilts, turn_about(0, np.array([0.014])), axes[np.newaxis])
-    first = _mounted(turned[0], [0.021, 0.034, 0.093])
-    return _mounted(quaternion_from_matrix(first[:3, :3]), first[:3, 3])
+    return _unit(chain_turns(*tilts, turn_about(0, np.array([0.014])), axes[np.newaxis])[0])
 
+
+_MOUNT_M: Final = np.array([0.021, 0.034, 0.093])
+_MOUNT_XYZW: Final = _mount_xyzw()
 
 # The Avia's LiDAR in its own IMU: Livox Avia user manual; no rotation.
 T_IMU_LIDAR: Final = transform_from(np.eye(3), [0.04165, 0.02326, -0.0284])
-T_LIDAR_CAMERA: Final = _camera_mount()
+T_LIDAR_CAMERA: Final = transform_from(matrix_from_quaternion(_MOUNT_XYZW), _MOUNT_M)
 """The true mount: the camera 9 cm above the LiDAR, tilted a little about all three axes."""

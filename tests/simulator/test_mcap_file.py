@@ -15,6 +15,7 @@ from mcap.records import Chunk, DataEnd
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
+from civil_rgbd.converters import open_recording
 from civil_rgbd.errors import OutputError
 from civil_rgbd.simulator import mcap_file
 from civil_rgbd.simulator.camera import raw_camera, simulate_jpeg
@@ -140,6 +141,28 @@ def test_static_transforms_chain_to_the_stated_camera(messages: dict[str, list[A
 
     assert frames == [("imu_link", "livox_frame"), ("livox_frame", "camera_color_optical_frame")]
     np.testing.assert_allclose(T, SimulatedRecording(SPEC).rig.T_body_camera, rtol=0, atol=1e-15)
+
+
+def test_the_file_and_the_recording_without_a_file_are_the_same_to_the_bit(file: Path) -> None:
+    recording, simulated = open_recording(file), SimulatedRecording(SPEC)
+
+    assert recording.notes.simulated
+    assert recording.rig.camera == simulated.rig.camera
+    for name in ("T_body_camera", "T_body_lidar"):
+        np.testing.assert_array_equal(getattr(recording.rig, name), getattr(simulated.rig, name))
+    for name in ("stamps_ns", "translations_m", "quaternions_xyzw"):
+        np.testing.assert_array_equal(
+            getattr(recording.trajectory, name), getattr(simulated.trajectory, name)
+        )
+    np.testing.assert_array_equal(recording.image_stamps_ns, simulated.image_stamps_ns)
+    for index in range(5):
+        one, two = recording.read_scan(index), simulated.read_scan(index)
+        np.testing.assert_array_equal(one.points, two.points)
+        np.testing.assert_array_equal(one.point_stamps_ns, two.point_stamps_ns)
+        np.testing.assert_array_equal(one.noise, two.noise)
+        np.testing.assert_array_equal(
+            recording.read_image(index).rgb, simulated.read_image(index).rgb
+        )
 
 
 def test_the_imu_is_in_g_and_has_no_orientation(messages: dict[str, list[Any]]) -> None:

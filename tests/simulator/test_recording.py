@@ -10,6 +10,7 @@ import pytest
 
 from civil_rgbd.converters import open_recording as open_by_location
 from civil_rgbd.domain.recording import Recording, RecordingOptions
+from civil_rgbd.domain.rig import RigFile
 from civil_rgbd.errors import UsageError
 from civil_rgbd.simulator.camera import simulate_jpeg
 from civil_rgbd.simulator.recording import SimulatedRecording, open_recording
@@ -93,9 +94,17 @@ def test_false_returns_are_known_as_noise() -> None:
     assert 0.1 < noise.mean() < 0.25
 
 
-def test_options_for_topics_are_refused() -> None:
+@pytest.mark.parametrize(
+    "options",
+    [
+        RecordingOptions(lidar_topic="/points"),
+        RecordingOptions(rig=RigFile(extrinsics={("lidar", "camera"): np.eye(4)})),
+        RecordingOptions(rig=RigFile(camera_time_offset_s=0.0)),
+    ],
+)
+def test_options_for_topics_and_rigs_are_refused(options: RecordingOptions) -> None:
     with pytest.raises(UsageError, match="no topics") as caught:
-        open_recording("simulated:demo", RecordingOptions(lidar_topic="/points"))
+        open_recording("simulated:demo", options)
 
     assert "civil-rgbd simulate" in caught.value.fix
 
