@@ -49,9 +49,10 @@ def read_sample(index: FrameIndex, place: int) -> dict[str, Any]:
             where=rgb_path,
             fix="build the bridge again, or download it again",
         )
+    image = torch.from_numpy(_channels_first(rgb))  # now, while the pixels are in the cache
     depth_m = read_depth(folder / index.depth_paths[place].decode(), size=(height, width))
     return {
-        "image": torch.from_numpy(_channels_first(rgb)),
+        "image": image,
         "depth": torch.from_numpy(np.require(depth_m, requirements=["C", "W"]))[None],
         "valid": torch.from_numpy(depth_m > NO_DEPTH_M)[None],
         "intrinsics": torch.from_numpy(index.intrinsics[bridge].copy()),

@@ -138,13 +138,17 @@ def test_a_missing_or_swapped_image_names_the_file(dataset_folder: Path, tmp_pat
     folder = tmp_path / "B3"
     shutil.copytree(dataset_folder / "bridges" / "B3", folder)
     (folder / "depth" / "000012.exr").unlink()
-    shutil.copy(dataset_folder / "bridges" / "B1" / "rgb" / "000003.png", folder / "rgb/000047.png")
+    other = dataset_folder / "bridges" / "B1"
+    shutil.copy(other / "rgb" / "000003.png", folder / "rgb" / "000047.png")
+    shutil.copy(other / "depth" / "000003.exr", folder / "depth" / "000048.exr")
     dataset = BridgeDataset(folder)
 
     with pytest.raises(FormatError, match=r"the file is missing\n.*000012\.exr"):
         dataset[0]
     with pytest.raises(FormatError, match=r"64 x 36 px; the camera has 48 x 28\n.*000047\.png"):
         dataset[1]
+    with pytest.raises(FormatError, match=r"64 x 36 pixels; the camera has 48 x 28\n.*000048\.exr"):
+        dataset[2]
 
 
 def test_the_transform_is_applied_last(dataset_folder: Path) -> None:
@@ -349,6 +353,13 @@ def test_no_window_spans_a_pause_or_a_frame_that_was_left_out(dataset_folder: Pa
 
     assert [window["frame"] for window in paused] == [["000012", "000047"], ["000047", "000048"]]  # type: ignore[attr-defined] # by __getitem__
     assert [window["frame"] for window in left_out] == [["000048", "000050"]]  # type: ignore[attr-defined] # by __getitem__
+
+
+def test_no_window_spans_two_bridges(dataset_folder: Path) -> None:
+    rows_0_and_1 = {"B1": ["000003"], "B3": ["000047"]}
+
+    with pytest.raises(UsageError, match="longest unbroken run has 1 of the 2 frames"):
+        BridgeSequenceDataset(dataset_folder, length=2, frames=rows_0_and_1)
 
 
 def test_a_gap_of_exactly_the_limit_is_allowed(dataset_folder: Path) -> None:
