@@ -39,8 +39,8 @@ def test_no_bridge_at_all_is_refused() -> None:
 
 
 def test_an_unknown_split_is_answered_with_the_nearest() -> None:
-    with pytest.raises(UsageError, match=r"no split 'trian'.*\n.*\n.*did you mean 'train'"):
-        choose_split({"train": {}, "test": {}}, "trian", where="d")
+    with pytest.raises(UsageError, match=r"no split 'trains'.*\n.*\n.*did you mean 'train'"):
+        choose_split({"train": {}, "test": {}}, "trains", where="d")
     with pytest.raises(UsageError, match=r"dataset\.json names no split"):
         choose_split({}, "train", where="d")
 
