@@ -85,28 +85,32 @@ def write_recording(
             fix="choose another name, or give --overwrite",
         )
     with _whole_file(path) as stream:
-        writer = Writer(
-            stream,
-            chunk_size=_CHUNK_BYTES,
-            compression=CompressionType.ZSTD,
-            enable_crcs=True,
-            enable_data_crcs=True,
+        _write(stream, spec, progress or (lambda *_: None))
+
+
+def _write(stream: IO[bytes], spec: ScanSpec, progress: Progress) -> None:
+    writer = Writer(
+        stream,
+        chunk_size=_CHUNK_BYTES,
+        compression=CompressionType.ZSTD,
+        enable_crcs=True,
+        enable_data_crcs=True,
+    )
+    writer.start(profile="ros2", library=LIBRARY)
+    writer.add_metadata("civil_rgbd", {"origin": "simulated"})
+    channels = {
+        topic: writer.register_channel(
+            topic, "cdr", writer.register_schema(kind, "ros2msg", schema_text(kind).encode())
         )
-        writer.start(profile="ros2", library=LIBRARY)
-        writer.add_metadata("civil_rgbd", {"origin": "simulated"})
-        channels = {
-            topic: writer.register_channel(
-                topic, "cdr", writer.register_schema(kind, "ros2msg", schema_text(kind).encode())
-            )
-            for topic, kind in TOPICS.items()
-        }
-        counts = dict.fromkeys(TOPICS, 0)
-        for log_time_ns, topic, payload in _messages(spec, progress or (lambda *_: None)):
-            writer.add_message(
-                channels[topic], log_time_ns, payload, log_time_ns, sequence=counts[topic]
-            )
-            counts[topic] += 1
-        writer.finish()
+        for topic, kind in TOPICS.items()
+    }
+    counts = dict.fromkeys(TOPICS, 0)
+    for log_time_ns, topic, payload in _messages(spec, progress):
+        writer.add_message(
+            channels[topic], log_time_ns, payload, log_time_ns, sequence=counts[topic]
+        )
+        counts[topic] += 1
+    writer.finish()
 
 
 @contextmanager
