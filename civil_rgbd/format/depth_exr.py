@@ -10,7 +10,7 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from civil_rgbd.errors import FormatError, OutputError
-from civil_rgbd.format.atomic import whole_file, writing
+from civil_rgbd.format.atomic import whole_file
 from civil_rgbd.format.exr_layout import chunk_fault, depth_fault, read_layout
 from civil_rgbd.format.hashes import float_fault
 
@@ -53,30 +53,18 @@ def write_depth(path: Path, depth_m: NDArray[np.float32], *, sync: bool = True) 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     image = OpenEXR.File(header, {CHANNEL: np.ascontiguousarray(depth_m)})
     with whole_file(path, sync=sync) as scratch:
-        # Through a path, not a stream: OpenEXR before 3.5 writes to paths only.
+        # Through a path, not a stream: OpenEXR before 3.5 writes to paths only. It notices a full
+        # disk up to the last byte, and says so in a RuntimeError.
+        scratch.touch()  # a folder that takes no file gets the system's own words
         try:
-            with writing(path):
-                scratch.touch()  # refusals of the system get its own words, not OpenEXR's
-                image.write(str(scratch))
+            image.write(str(scratch))
         except RuntimeError as error:
-            raise _unwritten(path, str(error)) from error
-        data = scratch.read_bytes()
-        # OpenEXR does not notice a disk that fills up at the very end.
-        try:
-            cut = chunk_fault(data, read_layout(data))
-        except ValueError as error:
-            cut = str(error)
-        if cut:
-            raise _unwritten(path, cut)
-    return data
-
-
-def _unwritten(path: Path, reason: str) -> OutputError:
-    return OutputError(
-        f"cannot write depth: {reason}",
-        where=path,
-        fix="free some space, or make the folder writable, or write elsewhere",
-    )
+            raise OutputError(
+                f"cannot write depth: {error}",
+                where=path,
+                fix="free some space, or make the folder writable, or write elsewhere",
+            ) from error
+        return scratch.read_bytes()
 
 
 def read_depth(path: Path, *, size: tuple[int, int] | None = None) -> NDArray[np.float32]:

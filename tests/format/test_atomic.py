@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from civil_rgbd.errors import OutputError
+from civil_rgbd.format import atomic
 from civil_rgbd.format.atomic import (
     folder_lock,
     publish_folder,
@@ -45,7 +46,10 @@ with folder_lock(Path(sys.argv[1])):
 
 def holder(script: str, folder: Path) -> tuple[subprocess.Popen[str], str]:
     process = subprocess.Popen(
-        [sys.executable, "-c", script, str(folder)], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", script, str(folder)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
     )
     assert process.stdout is not None
     return process, process.stdout.readline().strip()
@@ -109,15 +113,18 @@ from civil_rgbd.errors import OutputError
 from civil_rgbd.format.atomic import whole_file
 from civil_rgbd.format.depth_exr import write_depth
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
 folder = Path(sys.argv[1])
+depth_m = np.random.default_rng(0).random((64, 64), dtype=np.float32)
+size = len(write_depth(folder / "a.exr", depth_m))
+(folder / "a.exr").unlink()
+resource.setrlimit(resource.RLIMIT_FSIZE, (size - 1, size - 1))
 try:
     with whole_file(folder / "a.txt") as scratch:
-        scratch.write_bytes(bytes(5000))
+        scratch.write_bytes(bytes(size))
 except OutputError as error:
     print(error.what)
 try:
-    write_depth(folder / "a.exr", np.random.default_rng(0).random((64, 64), dtype=np.float32))
+    write_depth(folder / "a.exr", depth_m)
 except OutputError as error:
     print(error.what)
 """
@@ -193,6 +200,37 @@ def test_a_kill_after_the_renames_keeps_the_new_folder(tmp_path: Path) -> None:
 
     assert (tmp_path / "B1" / "rgb" / "a.jpg").read_text() == "new"
     assert [entry.name for entry in tmp_path.iterdir()] == ["B1"]
+
+
+def test_publishing_first_undoes_an_earlier_kill(tmp_path: Path) -> None:
+    partial = make_folder(tmp_path / "p", "new")
+    make_folder(tmp_path / ".B1.replaced", "old")
+
+    with pytest.raises(OutputError, match="exists already"):
+        publish_folder(partial, tmp_path / "B1", replace=False)
+
+    assert (tmp_path / "B1" / "rgb" / "a.jpg").read_text() == "old"
+
+
+@posix_only
+def test_a_lock_file_that_was_just_deleted_is_no_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Its holder deletes it between our opening and our locking: somebody may make a new one.
+    lock_now = atomic._lock
+    deletions = iter([True])
+
+    def delete_then_lock(handle: int) -> None:
+        if next(deletions, False):
+            (tmp_path / ".B1.lock").unlink()
+        lock_now(handle)
+
+    monkeypatch.setattr(atomic, "_lock", delete_then_lock)
+    with folder_lock(tmp_path / "B1", wait_s=1.0):
+        assert (tmp_path / ".B1.lock").exists()
+        process, words = holder(HOLD, tmp_path / "B1")
+        end(process)
+    assert words == ""
 
 
 def test_the_second_holder_in_one_process_is_refused(tmp_path: Path) -> None:

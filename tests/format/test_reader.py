@@ -110,6 +110,23 @@ def test_a_path_out_of_the_folder_is_refused(golden_copy: Path, path: str) -> No
         read_bridge(index.parent)
 
 
+def test_other_ids_in_poses_json_are_refused(golden_copy: Path) -> None:
+    path = golden_copy / "bridges" / "B1" / "poses.json"
+    path.write_text(path.read_text().replace('"000007"', '"000008"'))
+
+    with pytest.raises(FormatError, match="do not hold the same frames"):
+        read_bridge(path.parent)
+
+
+def test_two_frames_of_one_instant_are_refused(golden_copy: Path) -> None:
+    index = golden_copy / "bridges" / "B1" / "frames.parquet"
+    rows = list(read_index(index))
+    write_index(index, [rows[0], dataclasses.replace(rows[1], stamp_ns=rows[0].stamp_ns), rows[2]])
+
+    with pytest.raises(FormatError, match="ids and stamps do not ascend"):
+        read_bridge(index.parent)
+
+
 def test_frames_out_of_order_are_refused(golden_copy: Path) -> None:
     index = golden_copy / "bridges" / "B1" / "frames.parquet"
     write_index(index, read_index(index)[::-1])

@@ -149,10 +149,10 @@ def depth(change: Callable[[NDArray[np.float32]], object], *, hide: bool = True)
     return damage
 
 
-def put(value: float) -> Callable[[NDArray[np.float32]], object]:
+def put(value: float, *, at: int = 5) -> Callable[[NDArray[np.float32]], object]:
     def change(depth_m: NDArray[np.float32]) -> None:
         rows, columns = np.nonzero(depth_m)
-        depth_m[rows[5], columns[5]] = value
+        depth_m[rows[at], columns[at]] = value
 
     return change
 
@@ -371,7 +371,7 @@ def test_findings_say_where(golden_copy: Path) -> None:
 
 def test_depth_at_the_very_limit_is_in_range(golden_copy: Path) -> None:
     depth(put(200.0))(golden_copy)
-    depth(put(0.5))(golden_copy)
+    depth(put(0.5, at=9))(golden_copy)
 
     assert validate(golden_copy).findings == ()
 
