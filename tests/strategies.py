@@ -116,4 +116,8 @@ def scans(draw: st.DrawFn, *, around_ns: int = 0, most_points: int = 12) -> Lida
 def recordings_of_scans(draw: st.DrawFn, *, most_scans: int = 8) -> list[LidarScan]:
     """Messages whose headers may be out of order and whose points overlap."""
     count = draw(st.integers(0, most_scans))
-    return [draw(scans(around_ns=6 * i)) for i in range(count)]
+    strays = draw(st.lists(st.booleans(), min_size=count, max_size=count))
+    return [
+        draw(scans(around_ns=draw(st.integers(0, 6 * most_scans)) if stray else 6 * i))
+        for i, stray in enumerate(strays)
+    ]

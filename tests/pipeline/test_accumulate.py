@@ -165,6 +165,21 @@ def test_centred_is_not_topped_up_from_the_other_side(stamp_ns: int, first: int,
     assert [m * 10 + p for m, p in origins(found)] == list(range(first, last + 1))
 
 
+@pytest.mark.parametrize("window", ["past", "future", "centred"])
+def test_a_message_that_comes_late_is_found(window: str) -> None:
+    # Stamps 0, 30, 10, 40, 20: at 15 the first and the third are past.
+    scans = [LidarScan(stamp, np.zeros((1, 3), np.float32)) for stamp in (0, 30, 10, 40, 20)]
+    expected = {
+        "past": [(0, 0), (2, 0)],
+        "future": [(1, 0), (3, 0), (4, 0)],
+        "centred": [(0, 0), (2, 0), (1, 0), (3, 0), (4, 0)],
+    }
+
+    found = Reader(scans).window(points=9, window=window).at(15)
+
+    assert origins(found) == expected[window]
+
+
 def test_stale_points_do_not_count_and_exactly_the_limit_does() -> None:
     scans = every(SECOND, points=10, messages=3)  # a point each 0.1 s
 

@@ -336,6 +336,18 @@ def test_the_local_origin_is_the_first_pose_in_whole_metres(
     assert not np.signbit(found).any()
 
 
+def test_a_registered_cloud_far_from_the_origin_of_the_map_loses_nothing() -> None:
+    # float32 steps by half a metre at 4,810,000 m.
+    utm = np.array([540000.0, 4810000.0, 330.0])
+    trajectory = trajectory_of([SECOND, 2 * SECOND], [tuple(utm)] * 2)
+    points = np.random.default_rng(4).uniform(2, 50, size=(200, 3))
+    scan = LidarScan(SECOND, points + utm, in_map=True)
+
+    found = mapped(scan, trajectory=trajectory)
+
+    np.testing.assert_allclose(found.points_local.T, points, rtol=0, atol=1e-5)
+
+
 def test_points_far_from_the_origin_of_the_map_lose_nothing() -> None:
     utm = np.array([540000.0, 4810000.0, 330.0])
     stamps = [SECOND, 2 * SECOND]

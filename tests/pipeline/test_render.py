@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -277,6 +278,25 @@ def test_every_point_of_a_long_segment_is_drawn(count: int) -> None:
 
     assert (found.depth_m == 1.0).all()
     assert found.points_in_view == count
+
+
+def test_products_and_sums_are_rounded_one_by_one() -> None:
+    # Depth is big_x * x + big_y * y, where the second product rounds by up to an eighth of a metre.
+    # Rounded one by one the two leave 5 m; fused into one operation they leave what was rounded.
+    y = np.float32(1.1)
+    big_y = (2.0**50 + 1) / 3
+    T_camera_local = np.zeros((4, 4))
+    T_camera_local[2, :2] = 5.0 - big_y * float(y), big_y
+    assert Fraction(big_y) * Fraction(float(y)) != Fraction(big_y * float(y))
+
+    found = render_depth(
+        [np.array([[1.0] * 64, [y] * 64, [0.0] * 64], dtype=np.float32)],
+        T_camera_local=T_camera_local,
+        camera=ONE_TO_ONE,
+        stage=EXACT,
+    )
+
+    assert found.depth_m[0, 0] == 5.0
 
 
 def test_what_was_drawn_before_does_not_shine_through() -> None:

@@ -29,8 +29,7 @@ def project(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return u, v in pixels and depth in metres, (N,) float64 each, of (N, 3) points.
 
-    The depth is summed x, y, z, translation, as the fast one does: so depths are equal bit by bit,
-    and would not be if a compiler fused a product with a sum.
+    The depth is summed x, y, z, translation, as the fast one does: so depths are equal bit by bit.
     """
     x, y, z = points_local.astype(np.float64).T
     in_camera = [row[0] * x + row[1] * y + row[2] * z + row[3] for row in T_camera_local[:3]]
