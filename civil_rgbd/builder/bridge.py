@@ -20,7 +20,7 @@ from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.errors import BuildError, FormatError, UsageError
 from civil_rgbd.format.atomic import whole_file, writing
-from civil_rgbd.format.layout import BRIDGES, MANIFEST, PARTIAL
+from civil_rgbd.format.layout import BRIDGES, DEFECTS, MANIFEST, PARTIAL
 from civil_rgbd.format.manifest import manifest_to_document, read_manifest
 from civil_rgbd.pipeline.prepare import PointCounts, local_origin, total_points
 
@@ -91,9 +91,15 @@ def _found_identity(partial: Path) -> dict[str, object] | None:
 
 
 def remove_partial(partial: Path) -> None:
-    """Take the folder of a finished build away, and its parent when that was the last."""
+    """Take the folder of a finished build away."""
     with writing(partial):
         shutil.rmtree(partial, ignore_errors=True)
+
+
+def remove_if_empty(folder: Path) -> None:
+    """Take a folder away unless something is in it: another build's unfinished work."""
+    with contextlib.suppress(OSError):
+        folder.rmdir()
 
 
 def manifest_before(
@@ -188,12 +194,22 @@ def find_whole(folder: Path, wanted: Manifest, *, overwrite: bool) -> Manifest |
     else:
         what = "a folder lies here that is no whole bridge"
     if overwrite:
+        _refuse_to_lose_defects(folder)
         return None
     raise BuildError(
         what,
         where=folder,
         fix="give --overwrite to replace it, or another --bridge or --out",
     )
+
+
+def _refuse_to_lose_defects(folder: Path) -> None:
+    if (folder / DEFECTS).exists():
+        raise BuildError(
+            "the bridge to be replaced holds measured defects, which a build cannot make again",
+            where=folder / DEFECTS,
+            fix="move the file away, build with --overwrite, and look whether its pixels still fit",
+        )
 
 
 def _in_order(keys: list[str]) -> str:

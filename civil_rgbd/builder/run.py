@@ -11,6 +11,7 @@ from civil_rgbd.builder.bridge import (
     find_whole,
     manifest_before,
     prepare_partial,
+    remove_if_empty,
     remove_partial,
     require_free_id,
     with_counts,
@@ -97,6 +98,7 @@ def build_bridge(
             manifest = with_counts(manifest, plan, records, recording)
             _publish(job, folder, manifest, maker, records)
         refresh_dataset(dataset)
+    remove_if_empty(partial.parent)
     return BuildReport(
         bridge_id=info.bridge_id,
         folder=folder,

@@ -71,8 +71,7 @@ def test_two_processes_and_small_chunks_give_the_same_bytes(
 
 
 def test_nothing_but_the_dataset_is_left(built: Path) -> None:
-    assert {path.name for path in built.iterdir()} <= {BRIDGES, "dataset.json", PARTIAL}
-    assert not list((built / PARTIAL).glob("*")) if (built / PARTIAL).exists() else True
+    assert {path.name for path in built.iterdir()} == {BRIDGES, "dataset.json"}
 
 
 class _StopAfter:
@@ -203,6 +202,20 @@ def test_another_recipe_is_refused_until_overwrite(
     recipe_now = read_bridge(tmp_path / BRIDGES / "B9").manifest.recipe
     assert recipe_now is not None
     assert recipe_now.parameters["accumulate"]["points"] == 4000  # type: ignore[index]  # JSON
+
+
+def test_measured_defects_are_not_overwritten(
+    recording: SimulatedRecording, recipe: Recipe, tmp_path: Path
+) -> None:
+    build_bridge(recording, recipe, tmp_path, INFO, QUIET)
+    defects = tmp_path / BRIDGES / "B9" / "defects.json"
+    defects.write_text("{}")
+    other = load_recipe("250k", ["accumulate.points=4000"])
+
+    with pytest.raises(BuildError, match="measured defects"):
+        build_bridge(recording, other, tmp_path, INFO, BuildOptions(overwrite=True))
+
+    assert defects.read_text() == "{}"
 
 
 def test_an_unfinished_build_of_another_recipe_is_refused_until_overwrite(
