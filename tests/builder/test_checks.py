@@ -108,7 +108,7 @@ def test_points_outside_the_trajectory_are_named_as_the_cause() -> None:
     recording = recording_of(before_the_camera())
     early = [replace(scan, stamp_ns=-SECOND) for scan in recording.scans]
 
-    with pytest.raises(BuildError, match="held 0; of 1000 .* not count: outside_trajectory 1000"):
+    with pytest.raises(BuildError, match=r"held 0; of 1000 .* not count: outside_trajectory 1000"):
         check(replace(recording, scans=early))
 
 
