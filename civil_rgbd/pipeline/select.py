@@ -29,7 +29,13 @@ def far_enough(
     kept: list[int] = []
     last: list[float] | None = None
     for index, here in enumerate(positions_map.tolist()):
-        if last is None or math.dist(here, last) > min_displacement_m:
+        if last is None or _distance_m(here, last) > min_displacement_m:
             last = here
             kept.append(index)
     return np.array(kept, dtype=np.intp)
+
+
+def _distance_m(a: list[float], b: list[float]) -> float:
+    # Not math.dist: its last bit is another in some versions of Python.
+    x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
+    return math.sqrt(x * x + y * y + z * z)

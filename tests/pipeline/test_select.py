@@ -46,6 +46,13 @@ def test_displacement_is_euclidean_over_all_three_axes() -> None:
     assert far_enough(positions, min_displacement_m=3.0).tolist() == [0]
 
 
+def test_a_step_along_one_axis_is_its_own_length() -> None:
+    # 0.3 - 0.2 is just below 0.1 in float64, 0.1 - 0 just 0.1: neither is more than 0.1.
+    assert far_enough(along_x(0.2, 0.3), min_displacement_m=0.1).tolist() == [0]
+    assert far_enough(along_x(0.0, 0.1), min_displacement_m=0.1).tolist() == [0]
+    assert far_enough(along_x(0.0, np.nextafter(0.1, 1)), min_displacement_m=0.1).tolist() == [0, 1]
+
+
 @given(st.lists(st.tuples(*[finite(-1, 1)] * 3), max_size=30), finite(0.01, 1.5))
 def test_what_is_kept_is_apart_and_what_is_not_is_near(
     positions: list[tuple[float, float, float]], limit_m: float
@@ -56,5 +63,5 @@ def test_what_is_kept_is_apart_and_what_is_not_is_near(
 
     for index in range(len(xyz)):
         before = [k for k in kept if k < index]
-        far = not before or np.linalg.norm(xyz[index] - xyz[before[-1]]) > limit_m
-        assert (index in kept) == far
+        step = np.square(xyz[index] - xyz[before[-1]]) if before else np.array([np.inf] * 3)
+        assert (index in kept) == (np.sqrt(step[0] + step[1] + step[2]) > limit_m)
