@@ -176,8 +176,8 @@ def test_a_near_miss_names_the_recipe() -> None:
 
 
 def test_a_near_miss_names_the_stage() -> None:
-    with pytest.raises(RecipeError, match="no stage 'acumulate'") as caught:
-        load_recipe("250k", ["acumulate.points=3"])
+    with pytest.raises(RecipeError, match="no stage 'accumulat'") as caught:
+        load_recipe("250k", ["accumulat.points=3"])
     assert "did you mean 'accumulate'?" in caught.value.fix
 
 
