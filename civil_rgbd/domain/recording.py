@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -44,6 +45,10 @@ class RecordingOptions:
         point_time: ``FIELD:UNIT:REFERENCE`` for unusual per-point times.
         rectified: the images are rectified already, whatever their topic's name.
         salvage: read what is readable of a damaged file.
+        trajectory: poses from a file, in place of the recording's own; ``pose_of`` says of what.
+        images: a folder of images, for a source without images of its own.
+        image_times: a file with the stamps of ``images``, one a line.
+        more_files: the further files of a recording that was split, in order.
     """
 
     lidar_topic: str | None = None
@@ -55,6 +60,10 @@ class RecordingOptions:
     point_time: str | None = None
     rectified: bool = False
     salvage: bool = False
+    trajectory: Trajectory | None = None
+    images: Path | None = None
+    image_times: Path | None = None
+    more_files: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
