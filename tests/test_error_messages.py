@@ -174,7 +174,7 @@ CASES: dict[str, Case] = {
     "bridge of another recipe": _bridge_there,
     "output is a file": _read_only,
     "unknown recipe": _options("--recipe", "25k"),
-    "unknown stage": _options("--set", "acumulate.points=1"),
+    "unknown stage": _options("--set", "accumulat.points=1"),
     "unknown key": _options("--set", "accumulate.point=1"),
     "value out of range": _options("--set", "accumulate.min_fill=2"),
     "unknown key in a recipe file": _recipe_file("[select]\nmin_displacment_m = 0.1\n"),
