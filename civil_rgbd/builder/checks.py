@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from civil_rgbd.builder.plan import Plan, in_words
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.errors import BuildError, RecordingError
+from civil_rgbd.geometry.words import extrinsics_in_words
 from civil_rgbd.pipeline.frames import FrameMaker
 from civil_rgbd.pipeline.prepare import total_points
 
@@ -82,31 +80,3 @@ def require_images_fit(recording: Recording, *, undistort: bool) -> None:
             where="image.undistort",
             fix="set image.undistort = true",
         )
-
-
-def extrinsics_in_words(T_lidar_camera: NDArray[np.float64]) -> str:
-    """Say where the camera sits and looks, seen from the LiDAR.
-
-    Args:
-        T_lidar_camera: (4, 4) camera optical frame to LiDAR frame.
-
-    >>> T = np.array([[0., 0, 1, 0.1], [-1, 0, 0, 0], [0, -1, 0, -0.05], [0, 0, 0, 1]])
-    >>> words = extrinsics_in_words(T).split(", looks along its ")
-    >>> print(words[0])
-    the camera sits at x 0.100, y 0.000, z -0.050 m of the LiDAR
-    >>> print(words[1])
-    +x (0.0 deg off), its right is -y (0.0 deg off), its down is -z (0.0 deg off)
-    """
-    x, y, z = T_lidar_camera[:3, 3]
-    axes = [_axis_in_words(T_lidar_camera[:3, column]) for column in (2, 0, 1)]
-    return (
-        f"the camera sits at x {x:.3f}, y {y:.3f}, z {z:.3f} m of the LiDAR, looks along its "
-        f"{axes[0]}, its right is {axes[1]}, its down is {axes[2]}"
-    )
-
-
-def _axis_in_words(direction: NDArray[np.float64]) -> str:
-    axis = int(np.argmax(np.abs(direction)))
-    sign = "+" if direction[axis] > 0 else "-"
-    off_deg = math.degrees(math.acos(min(1.0, abs(float(direction[axis])))))
-    return f"{sign}{'xyz'[axis]} ({off_deg:.1f} deg off)"

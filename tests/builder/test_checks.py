@@ -10,7 +10,6 @@ import pytest
 from civil_rgbd.builder.checks import (
     FRAMES_LOOKED_AT,
     check_before_start,
-    extrinsics_in_words,
     require_images_fit,
 )
 from civil_rgbd.builder.plan import plan_frames
@@ -127,19 +126,3 @@ def test_distortion_that_stays_in_is_refused() -> None:
     with pytest.raises(BuildError, match="plumb_bob distortion") as caught:
         require_images_fit(recording, undistort=False)
     assert caught.value.fix == "set image.undistort = true"
-
-
-def test_extrinsics_that_are_askew_are_said_by_their_nearest_axes() -> None:
-    tilt = np.radians(30)
-    T = np.eye(4)
-    T[:3, :3] = [
-        [1, 0, 0],
-        [0, np.cos(tilt), -np.sin(tilt)],
-        [0, np.sin(tilt), np.cos(tilt)],
-    ]
-
-    words = extrinsics_in_words(T)
-
-    assert "looks along its +z (30.0 deg off)" in words
-    assert "its right is +x (0.0 deg off)" in words
-    assert "its down is +y (30.0 deg off)" in words
