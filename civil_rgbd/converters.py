@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import cast
 
+from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.recording import Recording, RecordingOptions
 from civil_rgbd.errors import RecordingError, UsageError
 from civil_rgbd.resources import nearest
@@ -14,7 +16,8 @@ ENTRY_POINT_GROUP = "civil_rgbd.converters"
 """A converter is ``open_recording(location, options) -> Recording`` under this group.
 
 Its name is the file suffix that it opens (``mcap`` for ``scan.mcap``), or the word before the colon
-of a location that is no file (``simulated:demo``).
+of a location that is no file (``simulated:demo``). A module with ``open_motion`` beside it gives
+LiDAR and IMU to odometry as well.
 """
 
 
@@ -37,14 +40,44 @@ def open_recording(location: str | Path, options: RecordingOptions | None = None
         UsageError: no converter goes by that suffix or name.
         RecordingError: the recording cannot be read or lacks something.
     """
+    point, given = _converter_of(location)
+    return cast("Recording", point.load()(given, options or RecordingOptions()))
+
+
+def open_motion(location: str | Path, options: RecordingOptions | None = None) -> MotionRecording:
+    """Open LiDAR and IMU of a raw recording, which needs neither camera nor poses.
+
+    Args:
+        location: path of a recording, or ``name:...`` for a converter that reads no file.
+        options: what the recording does not say itself.
+
+    Returns:
+        an indexed recording; nothing of it is decoded yet.
+
+    Raises:
+        UsageError: no converter goes by that suffix or name, or it knows no IMU.
+        RecordingError: the recording cannot be read or lacks something.
+    """
+    point, given = _converter_of(location)
+    opener = getattr(import_module(point.module), "open_motion", None)
+    if opener is None:
+        raise UsageError(
+            f"the converter {point.name!r} reads no IMU",
+            where=location,
+            fix="give a recording with LiDAR and IMU, such as a bag or an .mcap file",
+        )
+    return cast("MotionRecording", opener(given, options or RecordingOptions()))
+
+
+def _converter_of(location: str | Path) -> tuple[EntryPoint, str | Path]:
     known = converters()
     name, colon, _ = str(location).partition(":")
     if colon and name in known:
-        return _open(known[name], location, options)
+        return known[name], location
     path = Path(location)
     suffix = path.suffix.removeprefix(".").lower()
     if suffix in known:
-        return _open(known[suffix], path, options)
+        return known[suffix], path
     if not path.exists():
         raise RecordingError(
             f"there is no such recording: {str(location)!r}",
@@ -56,7 +89,3 @@ def open_recording(location: str | Path, options: RecordingOptions | None = None
         where=path,
         fix=nearest(suffix, known) + " (converters go by file suffix)",
     )
-
-
-def _open(point: EntryPoint, location: str | Path, options: RecordingOptions | None) -> Recording:
-    return cast("Recording", point.load()(location, options or RecordingOptions()))

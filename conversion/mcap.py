@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 from civil_rgbd.conversion.mcap_container import MAGIC, Extent, walk
 from civil_rgbd.conversion.mcap_payloads import McapPayloads
 from civil_rgbd.conversion.ros_assembly import Opened, assemble
+from civil_rgbd.conversion.ros_motion import MotionTable, assemble_motion
 from civil_rgbd.conversion.topics import TopicTable
+from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.recording import (
     Recording,
     RecordingNotes,
@@ -35,9 +39,21 @@ def open_recording(location: str | Path, options: RecordingOptions | None = None
         RecordingError: it is not there, no MCAP, damaged, or lacks what a build needs.
         UsageError: an option does not fit, or one is needed to choose.
     """
-    path, options = Path(location), options or RecordingOptions()
+    options = options or RecordingOptions()
+    with _walked(Path(location), options, TopicTable()) as opened:
+        return assemble(opened, options)
+
+
+def open_motion(location: str | Path, options: RecordingOptions | None = None) -> MotionRecording:
+    """Open LiDAR and IMU of an MCAP file, for odometry; errors as :func:`open_recording`."""
+    options = options or RecordingOptions()
+    with _walked(Path(location), options, MotionTable()) as opened:
+        return assemble_motion(opened, options)
+
+
+@contextmanager
+def _walked(path: Path, options: RecordingOptions, table: TopicTable) -> Iterator[Opened]:
     size_bytes = _checked_size(path)
-    table = TopicTable()
     try:
         with ThreadPoolExecutor(max_workers=1) as beside:
             sha256 = beside.submit(_sha256, path)
@@ -50,9 +66,8 @@ def open_recording(location: str | Path, options: RecordingOptions | None = None
     notes = RecordingNotes(
         salvage=salvage, simulated=extent.simulated, warnings=tuple(extent.remarks)
     )
-    opened = Opened(table, payloads, (source,), path.stem, path, notes)
     try:
-        return assemble(opened, options)
+        yield Opened(table, payloads, (source,), path.stem, path, notes)
     finally:
         payloads.close()
 

@@ -99,7 +99,7 @@ def assemble(opened: Opened, options: RecordingOptions) -> RosRecording:
     )
     mounting = mount(frames, tf.fixed, rig_file, where=where)
     scans = Stream(lidar.name, lidar.type_name, lidar.gathered.index())
-    point_time = _point_time(opened, options, scans)
+    point_time = point_time_of_scans(opened, options, scans)
     recording = RosRecording(
         name=opened.name,
         sources=opened.sources,
@@ -226,7 +226,9 @@ def _poses_from_tf(opened: Opened, tf: Transforms, lidar: Topic, images: Topic) 
     return _Poses(trajectory, link.parent, link.child, (warning,))
 
 
-def _point_time(opened: Opened, options: RecordingOptions, scans: Stream) -> PointTime | None:
+def point_time_of_scans(
+    opened: Opened, options: RecordingOptions, scans: Stream
+) -> PointTime | None:
     """Settle how point times are read, by the first cloud that has points."""
     if scans.type_name in LIVOX_TYPES:
         return LIVOX_TIME

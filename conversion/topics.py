@@ -51,6 +51,7 @@ _NOUNS: Final = {
     "image": "images",
     "camera_info": "CameraInfo",
     "pose": "poses",
+    "imu": "IMU readings",
 }
 
 

@@ -40,6 +40,7 @@ class RecordingOptions:
         image_topic: the image's topic, where several fit.
         camera_info_topic: the CameraInfo's topic, where several fit.
         pose_topic: the topic of the poses, where several fit.
+        imu_topic: the IMU's topic, where several fit; only odometry reads it.
         pose_of: ``camera``, ``lidar`` or ``imu``: the body of poses without a child frame.
         rig: what a rig file says; it gives or overrides camera, extrinsics and time offset.
         point_time: ``FIELD:UNIT:REFERENCE`` for unusual per-point times.
@@ -55,6 +56,7 @@ class RecordingOptions:
     image_topic: str | None = None
     camera_info_topic: str | None = None
     pose_topic: str | None = None
+    imu_topic: str | None = None
     pose_of: str | None = None
     rig: RigFile = field(default_factory=RigFile)
     point_time: str | None = None
