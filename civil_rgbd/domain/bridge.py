@@ -31,8 +31,8 @@ class Structure:
     """What stands there.
 
     Attributes:
-        type: for example ``girder``, ``slab``, ``arch``, ``truss``, ``box girder``.
-        material: for example ``concrete``, ``steel``, ``masonry``.
+        type: a word of the schema's list: ``girder``, ``slab``, ``box girder``, ...
+        material: a word of the schema's list: ``concrete``, ``steel``, ``masonry``, ...
         year_built: year of completion.
         length_m: length along the road.
         note: anything else that a reader should know.
@@ -61,6 +61,29 @@ class Location:
 
 
 @dataclass(frozen=True, slots=True)
+class Contribution:
+    """What a contributor states beyond the description; None where nothing is stated.
+
+    Attributes:
+        place_precision: how precisely the owner lets the place be known.
+        consent: how the owner agreed.
+        calibration_method: how the camera was calibrated to the LiDAR.
+        calibration_date: ISO 8601.
+        calibration_report: what the calibration gave, in words.
+        faces: what was done about faces.
+        plates: what was done about number plates.
+    """
+
+    place_precision: str | None = None
+    consent: str | None = None
+    calibration_method: str | None = None
+    calibration_date: str | None = None
+    calibration_report: str | None = None
+    faces: str | None = None
+    plates: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class BridgeInfo:
     """What people say about a bridge; all of it may be absent but the id and the licence.
 
@@ -69,6 +92,8 @@ class BridgeInfo:
         licence: SPDX expression; :data:`UNSTATED_LICENCE` where nobody named one.
         name: the bridge's name.
         place: where it stands, in words.
+        country: ISO 3166-1 alpha-2.
+        region: ISO 3166-2.
         location: where it stands, as coordinates.
         structure: what it is.
         owner: who owns the structure.
@@ -79,12 +104,15 @@ class BridgeInfo:
         sensors: sensors and their calibration, in words.
         privacy: how faces and number plates were dealt with.
         note: anything else.
+        contribution: what a contributor states; None when nobody stated anything.
     """
 
     bridge_id: str
     licence: str = UNSTATED_LICENCE
     name: str | None = None
     place: str | None = None
+    country: str | None = None
+    region: str | None = None
     location: Location | None = None
     structure: Structure | None = None
     owner: str | None = None
@@ -95,6 +123,7 @@ class BridgeInfo:
     sensors: str | None = None
     privacy: str | None = None
     note: str | None = None
+    contribution: Contribution | None = None
 
     def __post_init__(self) -> None:
         if not re.fullmatch(BRIDGE_ID_PATTERN, self.bridge_id):
@@ -227,7 +256,6 @@ class Manifest:
         map_up: unit vector against gravity, map frame; None when it is not known.
         map_origin_m: where the ring's local frame sits in the map: translation of T_map_local.
         quality: what the quality planes hold; None without them.
-        contribution: what a contributor states; None when it was not submitted.
         warnings: things that are odd but not fatal, in words.
         format_version: of the folder, ``major.minor``.
         data_version: of the data, chosen by the publisher.
@@ -245,7 +273,6 @@ class Manifest:
     map_up: tuple[float, float, float] | None = None
     map_origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     quality: Mapping[str, object] | None = None
-    contribution: Mapping[str, object] | None = None
     warnings: tuple[str, ...] = ()
     format_version: str = FORMAT_VERSION
     data_version: str = "1.0"

@@ -51,7 +51,7 @@ def manifest_from_document(document: Document, *, where: object) -> Manifest:
 def _manifest_from(document: Document, where: object) -> Manifest:
     map_up = document["map_up"]
     return Manifest(
-        info=info_from_document(document["bridge"]),
+        info=info_from_document({**document["bridge"], "contribution": document["contribution"]}),
         origin=document["origin"],
         sources=tuple(SourceFile(**source) for source in document["sources"]),
         software=Software(**document["software"]),
@@ -63,7 +63,6 @@ def _manifest_from(document: Document, where: object) -> Manifest:
         map_up=None if map_up is None else _three(map_up),
         map_origin_m=_three(document["map_origin_m"]),
         quality=document["quality"],
-        contribution=document["contribution"],
         warnings=tuple(document["warnings"]),
         format_version=document["format_version"],
         data_version=document["data_version"],
@@ -96,13 +95,15 @@ def _rig_from(rig: Document | None, where: object) -> RigRecord | None:
 
 def manifest_to_document(manifest: Manifest) -> Document:
     """Turn a manifest into the document that :func:`manifest_from_document` reads."""
+    bridge = info_to_document(manifest.info)
+    contribution = bridge.pop("contribution")
     document: Document = _plain(
         {
             "format_version": manifest.format_version,
             "data_version": manifest.data_version,
             "status": "complete",
             "origin": manifest.origin,
-            "bridge": info_to_document(manifest.info),
+            "bridge": bridge,
             "rig": None if manifest.rig is None else _rig_to(manifest.rig),
             "recipe": None if manifest.recipe is None else _recipe_to(manifest.recipe),
             "sources": [dataclasses.asdict(source) for source in manifest.sources],
@@ -113,7 +114,7 @@ def manifest_to_document(manifest: Manifest) -> Document:
             "map_up": manifest.map_up,
             "map_origin_m": manifest.map_origin_m,
             "quality": manifest.quality,
-            "contribution": manifest.contribution,
+            "contribution": contribution,
             "warnings": manifest.warnings,
         }
     )

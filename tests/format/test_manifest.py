@@ -19,6 +19,7 @@ from civil_rgbd.format.manifest import (
     read_manifest,
     write_manifest,
 )
+from civil_rgbd.resources import load_schema
 
 from ..data.format_v1 import make
 
@@ -181,3 +182,30 @@ def test_a_faulty_bridge_toml_is_refused(tmp_path: Path, text: str, words: str, 
 def test_a_missing_bridge_toml_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot be read: No such file"):
         bridge_info_from_toml(tmp_path / "bridge.toml", "B3")
+
+
+def test_a_statement_of_a_contributor_stands_beside_the_description(golden: Path) -> None:
+    manifest = read_manifest(golden / "bridges" / "B1" / "manifest.json")
+    document = manifest_to_document(manifest)
+
+    assert manifest.info.contribution is not None
+    assert manifest.info.contribution.place_precision == "town"
+    assert document["contribution"]["faces"] == "none visible"
+    assert "contribution" not in document["bridge"]
+
+
+@pytest.mark.parametrize("key", ["type", "material"])
+def test_bridge_toml_and_manifest_know_the_same_words(key: str) -> None:
+    theirs = load_schema("manifest")["properties"]["bridge"]["properties"]["structure"]
+    ours = load_schema("bridge_info")["properties"]["structure"]["properties"]
+
+    assert theirs["properties"][key]["enum"] == [*ours[key]["enum"], None]
+
+
+def test_bridge_toml_and_manifest_know_the_same_statements() -> None:
+    theirs = load_schema("manifest")["properties"]["contribution"]["properties"]
+    ours = load_schema("bridge_info")["properties"]["contribution"]["properties"]
+
+    assert list(theirs) == list(ours)
+    for key, statement in ours.items():
+        assert theirs[key].get("enum", [None])[:-1] == statement.get("enum", [])

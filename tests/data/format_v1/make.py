@@ -14,6 +14,7 @@ import numpy as np
 
 from civil_rgbd.domain.bridge import (
     BridgeInfo,
+    Contribution,
     Counts,
     Location,
     Manifest,
@@ -76,12 +77,20 @@ def manifest(mean_valid_share: float) -> Manifest:
             licence="CC-BY-4.0",
             name="Golden Bridge",
             place="nowhere in particular",
+            country="CA",
+            region="CA-ON",
             location=Location(latitude_deg=43.5, longitude_deg=-80.5, precision_m=5000.0),
             structure=Structure(type="girder", material="concrete", year_built=1968, length_m=65.0),
             owner="nobody",
             citation="The civil_rgbd authors: the golden folder of format 1.0",
             survey_dates=("2023-11-14",),
             privacy="nobody is in the pictures: they are drawn",
+            contribution=Contribution(
+                place_precision="town",
+                calibration_method="simulated",
+                faces="none visible",
+                plates="none visible",
+            ),
         ),
         origin="rendered",
         sources=(SourceFile("golden.mcap", 12345, "0123456789abcdef" * 4, "mcap"),),
