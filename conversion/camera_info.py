@@ -53,13 +53,17 @@ class CameraInfo:
         return any(self.k)
 
 
-def parse_camera_info(payload: memoryview) -> CameraInfo:
+def parse_camera_info(payload: memoryview, read: type[CdrReader] = CdrReader) -> CameraInfo:
     """Take a CameraInfo apart.
+
+    Args:
+        payload: the message.
+        read: reads its encoding.
 
     Raises:
         CdrError: it breaks its layout.
     """
-    reader = CdrReader(payload)
+    reader = read(payload)
     _, frame = reader.header()
     height_px, width_px, model = reader.uint32(), reader.uint32(), reader.text()
     d = reader.float64s(reader.count(smallest_bytes=8))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final
+from typing import ClassVar, Final
 
 from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.errors import RecordingError
@@ -101,12 +101,47 @@ _SCALARS: Final = {(order, code): struct.Struct(order + code) for order in "<>" 
 
 
 class CdrReader:
-    """A cursor over one payload; every read aligns itself as CDR demands."""
+    """A cursor over one payload; every read aligns itself as CDR demands.
+
+    Messages of another encoding are read through a class of the same methods: see
+    :mod:`civil_rgbd.conversion.encodings`.
+    """
+
+    START: ClassVar[int] = ENCAPSULATION_BYTES
+    """Where a message's first field lies."""
 
     def __init__(self, payload: memoryview | bytes) -> None:
         self._data = memoryview(payload)
-        self.order = byte_order(self._data)
-        self.at = ENCAPSULATION_BYTES
+        self.order = self.order_of(self._data)
+        self.at = self.START
+
+    @staticmethod
+    def order_of(payload: memoryview) -> str:
+        """Return ``<`` or ``>``.
+
+        Raises:
+            CdrError: the payload does not say it in a way that is known.
+        """
+        return byte_order(payload)
+
+    @staticmethod
+    def stamp_and_frame(payload: memoryview) -> tuple[int, bytes, int]:
+        """Read the ``std_msgs/Header`` at the start: stamp in ns, frame id, where it ends.
+
+        Raises:
+            CdrError: the payload ends before.
+        """
+        return read_stamp_and_frame(payload)
+
+    @staticmethod
+    def aligned(at: int, size: int) -> int:
+        """Return where a field of ``size`` bytes lies that may begin at ``at``."""
+        return at + -(at - ENCAPSULATION_BYTES) % size
+
+    @staticmethod
+    def stride(item_bytes: int, size: int) -> int:
+        """Return the bytes from item to item of a sequence whose largest field has ``size``."""
+        return item_bytes + -item_bytes % size
 
     @property
     def left(self) -> int:
@@ -115,7 +150,7 @@ class CdrReader:
 
     def align(self, size: int) -> None:
         """Skip padding up to a multiple of ``size``, counted after the encapsulation."""
-        self.at += -(self.at - ENCAPSULATION_BYTES) % size
+        self.at = self.aligned(self.at, size)
 
     def _scalar(self, code: str) -> int | float:
         layout = _SCALARS[self.order, code]

@@ -13,17 +13,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.conversion.cdr import (
-    ENCAPSULATION_BYTES,
-    CdrError,
-    CdrReader,
-    byte_order,
-    frame_name,
-    read_stamp_and_frame,
-)
+from civil_rgbd.conversion.cdr import CdrError, CdrReader, frame_name
 
 Place = tuple[int, int, int]
-"""Chunk start (or -1), offset of the payload, its length."""
+"""Chunk start (or -1), offset of the payload, its length.
+
+Where a recording has several files, places count on from one file to the next.
+"""
 
 _UINT32: Final = {order: struct.Struct(order + "I") for order in "<>"}
 _UINT64: Final = {order: struct.Struct(order + "Q") for order in "<>"}
@@ -55,10 +51,11 @@ class Gathered:
     """Messages of one topic: where they lie, when they were logged, what their headers say.
 
     ``fault`` is the first thing that broke a message's layout; it matters only if the topic is
-    chosen. ``frames`` counts the messages of each frame id.
+    chosen. ``frames`` counts the messages of each frame id. ``read`` reads their encoding.
     """
 
     head_only = False
+    read: type[CdrReader] = CdrReader
 
     def __init__(self) -> None:
         self._rows = array("q")  # log time, chunk start, offset, length, stamp
@@ -76,7 +73,7 @@ class Gathered:
         self.count += 1
 
     def _take(self, log_time_ns: int, place: Place, payload: memoryview) -> None:
-        stamp_ns, frame, end = read_stamp_and_frame(payload)
+        stamp_ns, frame, end = self.read.stamp_and_frame(payload)
         self._keep(log_time_ns, place, stamp_ns, frame)
         if self.count == 0:
             self.first = bytes(payload[:4096])
@@ -122,9 +119,9 @@ class GatheredLivox(Gathered):
         self.timebase_off_ns = 0
 
     def _look(self, payload: memoryview, stamp_ns: int, header_end: int) -> None:
-        at = header_end + -(header_end - ENCAPSULATION_BYTES) % 8
+        at = self.read.aligned(header_end, 8)
         if at + 8 <= len(payload):
-            (timebase_ns,) = _UINT64[byte_order(payload)].unpack_from(payload, at)
+            (timebase_ns,) = _UINT64[self.read.order_of(payload)].unpack_from(payload, at)
             off_ns = timebase_ns - stamp_ns
             if abs(off_ns) > abs(self.timebase_off_ns):
                 self.timebase_off_ns = off_ns
@@ -139,10 +136,10 @@ class GatheredPaths(Gathered):
 
     def _look(self, payload: memoryview, stamp_ns: int, header_end: int) -> None:
         del stamp_ns
-        at = header_end + -(header_end - ENCAPSULATION_BYTES) % 4
+        at = self.read.aligned(header_end, 4)
         if at + 4 > len(payload):
             raise CdrError("it ends before its poses")
-        (poses,) = _UINT32[byte_order(payload)].unpack_from(payload, at)
+        (poses,) = _UINT32[self.read.order_of(payload)].unpack_from(payload, at)
         place = tuple(self._rows[-4:-1])
         if self.longest is None or poses >= self.longest[0]:
             self.longest = (poses, (place[0], place[1], place[2]))
@@ -159,16 +156,16 @@ class GatheredPoses(Gathered):
 
     def _look(self, payload: memoryview, stamp_ns: int, header_end: int) -> None:
         del stamp_ns
-        order, at = byte_order(payload), header_end
+        order, at = self.read.order_of(payload), header_end
         try:
             if self._has_child_frame:
-                at += -(at - ENCAPSULATION_BYTES) % 4
+                at = self.read.aligned(at, 4)
                 (length,) = _UINT32[order].unpack_from(payload, at)
                 child = bytes(payload[at + 4 : at + 4 + length]).rstrip(b"\0")
                 name = frame_name(child.decode("utf-8", errors="replace"))
                 self.children[name] = self.children.get(name, 0) + 1
                 at += 4 + length
-            at += -(at - ENCAPSULATION_BYTES) % 8
+            at = self.read.aligned(at, 8)
             pose = _POSE[order].unpack_from(payload, at)
         except struct.error as error:
             del self._rows[-5:]
@@ -202,7 +199,7 @@ class GatheredCameraInfo(Gathered):
     @property
     def differing(self) -> int:
         """How many messages differ from the first, headers aside."""
-        _, _, end = read_stamp_and_frame(memoryview(self.message))
+        _, _, end = self.read.stamp_and_frame(memoryview(self.message))
         return sum(self._contents.values()) - self._contents.get(self.message[end:], 0)
 
 
@@ -243,7 +240,7 @@ class GatheredTransforms(Gathered):
 
     def _take(self, log_time_ns: int, place: Place, payload: memoryview) -> None:
         del place
-        reader = CdrReader(payload)
+        reader = self.read(payload)
         for _ in range(reader.count(smallest_bytes=72)):
             stamp_ns, parent = reader.header()
             link = parent, frame_name(reader.text())

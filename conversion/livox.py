@@ -14,35 +14,37 @@ from civil_rgbd.domain.scan import LidarScan
 POINT_BYTES: Final = 19
 """uint32 offset_time, float32 x y z, uint8 reflectivity tag line."""
 
-POINT_STRIDE: Final = 20
-"""CDR aligns each point's first field to 4; nothing follows the last one."""
+POINT_ALIGNMENT: Final = 4
+"""Of its largest field: CDR begins each point at a multiple of it; nothing follows the last one."""
 
 LIVOX_TIME: Final = PointTime("offset_time", "ns", "header", unsigned=True)
 """Nanoseconds after the header's stamp."""
 
 
-def scan_from_livox(payload: memoryview, *, in_map: bool) -> LidarScan:
+def scan_from_livox(
+    payload: memoryview, *, in_map: bool, read: type[CdrReader] = CdrReader
+) -> LidarScan:
     """Decode one CustomMsg; points without a return come through as (0, 0, 0).
 
     Args:
         payload: the message.
         in_map: the points are in the map frame already.
+        read: reads its encoding.
 
     Raises:
         CdrError: its counts lie, or its point times are not near its header.
     """
-    reader = CdrReader(payload)
+    reader = read(payload)
     stamp_ns, _ = reader.header()
     reader.uint64()  # timebase: the header's stamp is the law
     claimed = reader.uint32()
     reader.uint32()  # lidar id and three reserved bytes
     count = reader.uint32()
-    _check_counts(claimed, count, reader.left)
+    stride = reader.stride(POINT_BYTES, POINT_ALIGNMENT)
+    _check_counts(claimed, count, reader.left, stride)
 
     def view(dtype: str, offset: int) -> np.ndarray[tuple[int, ...], np.dtype[np.generic]]:
-        return np.ndarray(
-            (count,), reader.order + dtype, payload, reader.at + offset, (POINT_STRIDE,)
-        )
+        return np.ndarray((count,), reader.order + dtype, payload, reader.at + offset, (stride,))
 
     points = np.empty((count, 3), dtype=np.float32)
     if not count:
@@ -54,11 +56,11 @@ def scan_from_livox(payload: memoryview, *, in_map: bool) -> LidarScan:
     return LidarScan(stamp_ns, points, stamps_ns, noise, in_map)
 
 
-def _check_counts(claimed: int, count: int, left: int) -> None:
+def _check_counts(claimed: int, count: int, left: int, stride: int) -> None:
     if claimed != count:
         raise CdrError(f"point_num is {claimed}, but {count} points follow")
-    needed = POINT_STRIDE * (count - 1) + POINT_BYTES if count else 0
+    needed = stride * (count - 1) + POINT_BYTES if count else 0
     if left < needed:
         raise CdrError(f"{count} points need {needed} bytes, {left} are left")
-    if left - needed >= POINT_STRIDE:
+    if left - needed >= stride:
         raise CdrError(f"{count} points are claimed, but {left - needed} bytes follow them")

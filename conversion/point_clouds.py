@@ -58,17 +58,21 @@ class Cloud:
         return {name: code for name, (_, code) in self.fields.items()}
 
 
-def parse_cloud(payload: memoryview) -> Cloud:
+def parse_cloud(payload: memoryview, read: type[CdrReader] = CdrReader) -> Cloud:
     """Take a PointCloud2 apart, down to its bytes.
+
+    Args:
+        payload: the message.
+        read: reads its encoding.
 
     Raises:
         CdrError: it breaks its layout.
     """
-    reader = CdrReader(payload)
+    reader = read(payload)
     stamp_ns, frame = reader.header()
     height, width = reader.uint32(), reader.uint32()
     fields: dict[str, tuple[int, str]] = {}
-    for _ in range(reader.count(smallest_bytes=16)):
+    for _ in range(reader.count(smallest_bytes=13)):
         name, offset, datatype = reader.text(), reader.uint32(), reader.uint8()
         reader.uint32()  # count: 1 for every field that is read here, 0 from some writers
         fields.setdefault(name, (offset, DATATYPES.get(datatype, f"datatype {datatype}")))
@@ -154,7 +158,11 @@ def points_of(cloud: Cloud) -> NDArray[np.floating]:
 
 
 def scan_from_cloud(
-    payload: memoryview, point_time: PointTime | None, *, in_map: bool
+    payload: memoryview,
+    point_time: PointTime | None,
+    *,
+    in_map: bool,
+    read: type[CdrReader] = CdrReader,
 ) -> LidarScan:
     """Decode one PointCloud2.
 
@@ -162,11 +170,12 @@ def scan_from_cloud(
         payload: the message.
         point_time: how its time field is to be read; None = its points have none.
         in_map: the points are in the map frame already.
+        read: reads its encoding.
 
     Raises:
         CdrError: it breaks its layout, or its point times are not near its header.
     """
-    cloud = parse_cloud(payload)
+    cloud = parse_cloud(payload, read)
     points = points_of(cloud)
     stamps_ns = noise = None
     if point_time is not None:

@@ -98,7 +98,7 @@ def assemble(opened: Opened, options: RecordingOptions) -> RosRecording:
         pose_of=options.pose_of,
     )
     mounting = mount(frames, tf.fixed, rig_file, where=where)
-    scans = Stream(lidar.name, lidar.type_name, lidar.gathered.index())
+    scans = stream_of(lidar)
     point_time = point_time_of_scans(opened, options, scans)
     recording = RosRecording(
         name=opened.name,
@@ -116,13 +116,19 @@ def assemble(opened: Opened, options: RecordingOptions) -> RosRecording:
         trajectory=poses.trajectory,
         payloads=opened.payloads,
         scans=scans,
-        images=Stream(images.name, images.type_name, images.gathered.index()),
+        images=stream_of(images),
         point_time=point_time if lidar.type_name not in LIVOX_TYPES else None,
         point_reach_ns=point_time.reach_ns if point_time else NO_REACH,
         in_map=frames.in_map,
     )
     _check(recording, where)
     return _with_warnings(recording, camera_warnings + poses.warnings + _tf_warnings(tf))
+
+
+def stream_of(topic: Topic) -> Stream:
+    """Return a chosen topic's messages, ready to be decoded."""
+    gathered = topic.gathered
+    return Stream(topic.name, topic.type_name, gathered.index(), gathered.read)
 
 
 def _check_pose_of(options: RecordingOptions) -> None:
@@ -146,7 +152,7 @@ def _camera(
     info: CameraInfo | None = None
     if gathered is not None:
         with decoding("CameraInfo", where=opened.where):
-            info = parse_camera_info(memoryview(gathered.message))
+            info = parse_camera_info(memoryview(gathered.message), gathered.read)
     if gathered is None or info is None or not info.calibrated:
         opened.table.refuse_other_encodings("camera_info", where=opened.where)
         raise RecordingError(
@@ -178,7 +184,9 @@ def _poses(
     child = ""
     if isinstance(gathered, GatheredPaths) and gathered.longest is not None:
         with decoding("Path", where=where):
-            stamps_ns, poses = poses_of_path(opened.payloads.fetch(*gathered.longest[1]))
+            stamps_ns, poses = poses_of_path(
+                opened.payloads.fetch(*gathered.longest[1]), gathered.read
+            )
         if not len(stamps_ns):
             raise no_poses(where, "every Path is empty")
     elif isinstance(gathered, GatheredPoses):
@@ -236,7 +244,7 @@ def point_time_of_scans(
     types: dict[str, str] = {}
     for index in range(len(scans.index)):
         with decoding(f"point cloud {index}", where=where):
-            cloud = parse_cloud(opened.payloads.fetch(*scans.index.place(index)))
+            cloud = parse_cloud(opened.payloads.fetch(*scans.index.place(index)), scans.read)
         types = cloud.types
         if cloud.count:
             break

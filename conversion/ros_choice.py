@@ -66,7 +66,11 @@ def choose_images(table: TopicTable, options: RecordingOptions, *, where: object
         fitting=[
             topic
             for topic in table.of_role("image")
-            if is_photograph(topic.gathered.first, compressed="Compressed" in topic.type_name)
+            if is_photograph(
+                topic.gathered.first,
+                compressed="Compressed" in topic.type_name,
+                read=topic.gathered.read,
+            )
         ],
     )
 

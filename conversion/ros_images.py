@@ -72,39 +72,48 @@ class ImageHead:
     encoding: str
 
 
-def read_head(start: bytes, *, compressed: bool) -> ImageHead:
+def read_head(start: bytes, *, compressed: bool, read: type[CdrReader] = CdrReader) -> ImageHead:
     """Read what stands before the pixels.
 
     Args:
         start: the first bytes of a message.
         compressed: it is a CompressedImage.
+        read: reads its encoding.
 
     Raises:
         CdrError: there are too few of them.
     """
-    reader = CdrReader(start)
+    reader = read(start)
     stamp_ns, frame = reader.header()
     if not compressed:
         reader.uint32(), reader.uint32()
     return ImageHead(stamp_ns, frame, reader.text())
 
 
-def is_photograph(start: bytes, *, compressed: bool) -> bool:
+def is_photograph(start: bytes, *, compressed: bool, read: type[CdrReader] = CdrReader) -> bool:
     """Tell whether a topic can hold photographs: depth images share their message types.
 
     Args:
         start: the first bytes of its first message.
         compressed: it is a CompressedImage.
+        read: reads its encoding.
     """
     try:
-        encoding = read_head(start, compressed=compressed).encoding
+        encoding = read_head(start, compressed=compressed, read=read).encoding
     except CdrError:
         return True  # its own error is better than saying that there are no images
     return not any(word in encoding for word in ("16UC1", "32FC1", "compressedDepth", "mono16"))
 
 
-def rgb_from_image(payload: memoryview, *, where: object) -> _Pixels:
+def rgb_from_image(
+    payload: memoryview, *, where: object, read: type[CdrReader] = CdrReader
+) -> _Pixels:
     """Decode one ``sensor_msgs/Image``.
+
+    Args:
+        payload: the message.
+        where: file, topic and image, for errors.
+        read: reads its encoding.
 
     Returns:
         (H, W, 3) uint8.
@@ -114,7 +123,7 @@ def rgb_from_image(payload: memoryview, *, where: object) -> _Pixels:
         ImageDecodeError: its sizes lie.
         CdrError: it breaks its layout.
     """
-    reader = CdrReader(payload)
+    reader = read(payload)
     reader.header()
     height, width, encoding = reader.uint32(), reader.uint32(), reader.text()
     reader.uint8()  # is_bigendian: every encoding here has one byte a value
@@ -138,10 +147,17 @@ def rgb_from_image(payload: memoryview, *, where: object) -> _Pixels:
     return to_rgb(np.ascontiguousarray(view))
 
 
-def rgb_from_compressed(payload: memoryview, *, where: object) -> _Pixels:
+def rgb_from_compressed(
+    payload: memoryview, *, where: object, read: type[CdrReader] = CdrReader
+) -> _Pixels:
     """Decode one ``sensor_msgs/CompressedImage``: JPEG or PNG, told by its content.
 
     EXIF orientation is ignored: the camera model speaks of the pixels as stored.
+
+    Args:
+        payload: the message.
+        where: file, topic and image, for errors.
+        read: reads its encoding.
 
     Returns:
         (H, W, 3) uint8.
@@ -151,7 +167,7 @@ def rgb_from_compressed(payload: memoryview, *, where: object) -> _Pixels:
         ImageDecodeError: it cannot be decoded.
         CdrError: it breaks its layout.
     """
-    reader = CdrReader(payload)
+    reader = read(payload)
     reader.header()
     name, data = reader.text(), reader.octets()
     start = bytes(data[: _PNG_DEPTH_AT + 1])

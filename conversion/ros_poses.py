@@ -72,14 +72,18 @@ def _seconds(stamp_ns: int) -> str:
 
 
 def poses_of_path(
-    payload: memoryview,
+    payload: memoryview, read: type[CdrReader] = CdrReader
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Read a ``nav_msgs/Path``: stamps (P,) and poses (P, 7), by the stamps of its poses.
+
+    Args:
+        payload: the message.
+        read: reads its encoding.
 
     Raises:
         CdrError: it breaks its layout.
     """
-    reader = CdrReader(payload)
+    reader = read(payload)
     reader.header()
     count = reader.count(smallest_bytes=68)
     stamps_ns = np.empty(count, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""A ROS 2 recording, whatever container it came in: topics chosen, rig and poses put together."""
+"""A ROS recording, whatever container it came in: topics chosen, rig and poses put together."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.conversion.cdr import decoding
+from civil_rgbd.conversion.cdr import CdrReader, decoding
 from civil_rgbd.conversion.gathering import MessageIndex
 from civil_rgbd.conversion.livox import scan_from_livox
 from civil_rgbd.conversion.point_clouds import scan_from_cloud
@@ -43,16 +43,18 @@ class Stream:
         topic: its name.
         type_name: plain message type.
         index: where the messages lie.
+        read: reads their encoding.
     """
 
     topic: str
     type_name: str
     index: MessageIndex
+    read: type[CdrReader] = CdrReader
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RosRecording:
-    """An indexed ROS 2 recording; fits :class:`civil_rgbd.domain.recording.Recording`.
+    """An indexed ROS recording; fits :class:`civil_rgbd.domain.recording.Recording`.
 
     Attributes:
         name: the file's stem.
@@ -100,8 +102,10 @@ class RosRecording:
         payload = self.payloads.fetch(*self.scans.index.place(index))
         with decoding(f"point cloud {index}", where=self._where(self.scans)):
             if self.scans.type_name == "sensor_msgs/PointCloud2":
-                return scan_from_cloud(payload, self.point_time, in_map=self.in_map)
-            return scan_from_livox(payload, in_map=self.in_map)
+                return scan_from_cloud(
+                    payload, self.point_time, in_map=self.in_map, read=self.scans.read
+                )
+            return scan_from_livox(payload, in_map=self.in_map, read=self.scans.read)
 
     def read_image(self, index: int) -> CameraImage:
         """Decode one image.
@@ -115,7 +119,7 @@ class RosRecording:
         with decoding(f"image {index}", where=where):
             compressed = self.images.type_name == "sensor_msgs/CompressedImage"
             decode = rgb_from_compressed if compressed else rgb_from_image
-            rgb = decode(payload, where=where)
+            rgb = decode(payload, where=where, read=self.images.read)
         camera = self.rig.camera.pinhole
         if rgb.shape[:2] != (camera.height_px, camera.width_px):
             raise RecordingError(

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from civil_rgbd.conversion.encodings import READERS
 from civil_rgbd.conversion.gathering import (
     Gathered,
     GatheredCameraInfo,
@@ -100,12 +101,19 @@ class TopicTable:
         if plain not in _GATHERERS:
             self._others.add(name)
             return None
-        if encoding != "cdr":
+        if encoding not in READERS:
             self._unread[name, plain] = encoding
             return None
         if (name, plain) not in self._topics:
             role, gather = _GATHERERS[plain]
             self._topics[name, plain] = Topic(name, plain, role, gather())
+            self._topics[name, plain].gathered.read = READERS[encoding]
+        elif self._topics[name, plain].gathered.read is not READERS[encoding]:
+            raise RecordingError(
+                f"topic {name!r} holds messages of ROS 1 and of ROS 2",
+                where=name,
+                fix="record each under a topic of its own, or into a file of its own",
+            )
         return self._topics[name, plain].gathered
 
     def of_role(self, role: str) -> list[Topic]:
@@ -114,7 +122,7 @@ class TopicTable:
         return sorted(found, key=lambda topic: (topic.name, topic.type_name))
 
     def refuse_other_encodings(self, role: str, *, where: object) -> None:
-        """Say so when the only topics of a role are not encoded as ROS 2 does.
+        """Say so when the only topics of a role are encoded neither as ROS 2 nor as ROS 1 does.
 
         Raises:
             RecordingError: such topics exist.
@@ -126,7 +134,8 @@ class TopicTable:
         }
         if found and not self.of_role(role):
             raise RecordingError(
-                f"the {_NOUNS[role]} are not in ROS 2's encoding (cdr): {', '.join(sorted(found))}",
+                f"the {_NOUNS[role]} are in an encoding that is not read (only cdr and ros1 are): "
+                + ", ".join(sorted(found)),
                 where=where,
                 fix="convert the recording to ROS 2 messages, e.g. `rosbags-convert` or "
                 "`mcap convert` from the original bag",

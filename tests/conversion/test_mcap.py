@@ -307,9 +307,9 @@ class TestMissing:
         for option in ("--pose-topic", "--pose-of", "--rig"):
             assert option in caught.value.fix
 
-    def test_ros_1_messages_are_refused(self, tmp_path: Path) -> None:
-        path = scene.write(tmp_path / "a.mcap", scene.whole(), encoding="ros1")
-        with pytest.raises(RecordingError, match="message_encoding 'ros1'") as caught:
+    def test_messages_of_another_encoding_are_refused(self, tmp_path: Path) -> None:
+        path = scene.write(tmp_path / "a.mcap", scene.whole(), encoding="protobuf")
+        with pytest.raises(RecordingError, match="message_encoding 'protobuf'") as caught:
             open_recording(path)
         assert "convert" in caught.value.fix
 
