@@ -7,6 +7,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import cast
 
+from civil_rgbd.domain.inspection import RecordingSummary
 from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.recording import Recording, RecordingOptions
 from civil_rgbd.errors import RecordingError, UsageError
@@ -17,7 +18,7 @@ ENTRY_POINT_GROUP = "civil_rgbd.converters"
 
 Its name is the file suffix that it opens (``mcap`` for ``scan.mcap``), or the word before the colon
 of a location that is no file (``simulated:demo``). A module with ``open_motion`` beside it gives
-LiDAR and IMU to odometry as well.
+LiDAR and IMU to odometry as well, one with ``inspect_recording`` says what a recording lacks.
 """
 
 
@@ -67,6 +68,30 @@ def open_motion(location: str | Path, options: RecordingOptions | None = None) -
             fix="give a recording with LiDAR and IMU, such as a bag or an .mcap file",
         )
     return cast("MotionRecording", opener(given, options or RecordingOptions()))
+
+
+def inspect_recording(
+    location: str | Path, options: RecordingOptions | None = None
+) -> RecordingSummary:
+    """Say what a raw recording holds, whether a build can use it or not.
+
+    Args:
+        location: path of a recording, or ``name:...`` for a converter that reads no file.
+        options: what the recording does not say itself.
+
+    Raises:
+        UsageError: no converter goes by that suffix or name, or it cannot inspect.
+        RecordingError: the recording cannot be read at all.
+    """
+    point, given = _converter_of(location)
+    inspector = getattr(import_module(point.module), "inspect_recording", None)
+    if inspector is None:
+        raise UsageError(
+            f"the converter {point.name!r} cannot inspect a recording without opening it",
+            where=location,
+            fix="start the build: it says what is missing",
+        )
+    return cast("RecordingSummary", inspector(given, options or RecordingOptions()))
 
 
 def _converter_of(location: str | Path) -> tuple[EntryPoint, str | Path]:

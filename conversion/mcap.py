@@ -8,11 +8,13 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
+from civil_rgbd.conversion.inspection import Walked, WatchedTable, summarise
 from civil_rgbd.conversion.mcap_container import MAGIC, Extent, walk
 from civil_rgbd.conversion.mcap_payloads import McapPayloads
 from civil_rgbd.conversion.ros_assembly import Opened, assemble
 from civil_rgbd.conversion.ros_motion import MotionTable, assemble_motion
 from civil_rgbd.conversion.topics import TopicTable
+from civil_rgbd.domain.inspection import RecordingSummary
 from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.recording import (
     Recording,
@@ -49,6 +51,40 @@ def open_motion(location: str | Path, options: RecordingOptions | None = None) -
     options = options or RecordingOptions()
     with _walked(Path(location), options, MotionTable()) as opened:
         return assemble_motion(opened, options)
+
+
+def inspect_recording(
+    location: str | Path, options: RecordingOptions | None = None
+) -> RecordingSummary:
+    """Say what an MCAP file holds, whether a build can use it or not.
+
+    Args:
+        location: the file.
+        options: what the user says about it.
+
+    Raises:
+        RecordingError: it is not there, no MCAP, or cannot be read at all.
+    """
+    path, options, watched = Path(location), options or RecordingOptions(), WatchedTable()
+    size_bytes = _checked_size(path)
+    try:
+        extent = walk(path, watched.sink_for, size_bytes=size_bytes)
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    refused = None
+    try:
+        _judge(extent, options, path)
+    except RecordingError as error:
+        refused = error
+    payloads = McapPayloads(path.absolute(), size_bytes)
+    source = SourceFile(path.name, size_bytes, "", "mcap")
+    opened = Opened(watched.table, payloads, (source,), path.stem, path, RecordingNotes())
+    remarks, damage = tuple(extent.remarks), tuple(extent.damage)
+    walked = Walked("mcap", path.name, size_bytes, extent.messages, damage, remarks, refused)
+    try:
+        return summarise(watched, opened, walked, options)
+    finally:
+        payloads.close()
 
 
 @contextmanager

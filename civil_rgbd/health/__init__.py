@@ -1,0 +1,1 @@
+"""Is this recording fit? What it lacks for a build, and whether its rig explains its images."""
