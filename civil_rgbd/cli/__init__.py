@@ -15,6 +15,7 @@ from civil_rgbd.resources import nearest
 COMMANDS: Final = {
     "build": "Build a bridge folder from a raw recording.",
     "info": "Say what a dataset or bridge holds.",
+    "inspect-recording": "Say what a raw recording holds, and what it lacks for a build.",
     "recipes": "List the recipes that ship, or print one.",
     "simulate": "Write a simulated recording.",
     "validate": "Check a dataset or bridge against the format.",
@@ -34,7 +35,7 @@ class LazyGroup(click.Group):
         """Import one command."""
         if cmd_name not in COMMANDS:
             ctx.fail(f"no such command: {cmd_name!r}; {nearest(cmd_name, COMMANDS)}")
-        module = importlib.import_module(f"civil_rgbd.cli.{cmd_name}")
+        module = importlib.import_module(f"civil_rgbd.cli.{cmd_name.replace('-', '_')}")
         command: click.Command = module.command
         return command
 

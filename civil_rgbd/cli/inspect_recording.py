@@ -1,0 +1,62 @@
+"""``civil-rgbd inspect-recording``: what a recording holds, and what it lacks for a build."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+
+@click.command("inspect-recording")
+@click.argument("source")
+@click.option("--lidar-topic", metavar="TOPIC", help="The point clouds, where several topics fit.")
+@click.option("--image-topic", metavar="TOPIC", help="The images, where several topics fit.")
+@click.option(
+    "--camera-info-topic", metavar="TOPIC", help="The camera model, where several topics fit."
+)
+@click.option("--pose-topic", metavar="TOPIC", help="The poses, where several topics fit.")
+@click.option(
+    "--pose-of",
+    type=click.Choice(["camera", "lidar", "imu"]),
+    help="What PoseStamped and Path poses are poses of.",
+)
+@click.option(
+    "--rig",
+    "rig_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="TOML: camera, extrinsics and time offset, where the recording lacks them.",
+)
+@click.option("--point-time", metavar="FIELD:UNIT:REFERENCE", help="As for a build.")
+@click.option("--rectified", is_flag=True, help="The images are rectified.")
+@click.option("--salvage", is_flag=True, help="Go on with what is readable of a damaged recording.")
+@click.option("--json", "as_json", is_flag=True, help="Print everything, for machines.")
+@click.pass_context
+def command(
+    context: click.Context,
+    source: str,
+    *,
+    rig_path: Path | None,
+    as_json: bool,
+    **recording_options: object,
+) -> None:
+    """Say what SOURCE, a raw recording, holds: topics, rates, clocks, gaps, frames.
+
+    What a build misses is listed with the option that supplies it; give that option here to see
+    whether it is enough. Exit code 0: a build could start; 1: something is missing; 2: SOURCE
+    cannot be read.
+    """
+    from civil_rgbd.converters import inspect_recording
+    from civil_rgbd.domain.recording import RecordingOptions
+    from civil_rgbd.domain.rig import RigFile
+    from civil_rgbd.health.inspection import findings_of
+    from civil_rgbd.health.inspection_report import InspectionReport
+    from civil_rgbd.trajectories.rig import read_rig
+
+    rig = read_rig(rig_path) if rig_path else RigFile()
+    options = RecordingOptions(rig=rig, **recording_options)  # type: ignore[arg-type]  # click hands them over by name
+    summary = inspect_recording(source, options)
+    report = InspectionReport(summary, findings_of(summary, options))
+    print(json.dumps(report.to_document(), indent=2) if as_json else report.to_text())
+    context.exit(1 if report.errors else 0)
