@@ -9,11 +9,44 @@ from itertools import groupby
 from typing import Final
 
 _REBUILD: Final = "build the bridge again, or download it again"
+_ANSWER: Final = "`civil-rgbd new-bridge ID --out DATASET` asks for it"
 _SHOWN: Final = 3  # findings of one code in the text; --json gives them all
 
 CODES: Final = {
     "bridge-id-mismatch": ("error", "rename the folder, or set bridge_id in manifest.json"),
     "bridge-ids-alike": ("error", "rename one: some systems take both for one folder"),
+    "contribution-calibration": (
+        "error",
+        "say how, when and how well the camera was calibrated to the LiDAR: " + _ANSWER,
+    ),
+    "contribution-citation": ("error", "say how the data is to be cited: " + _ANSWER),
+    "contribution-consent": (
+        "error",
+        "name the owner, and say how and in what words they agreed: " + _ANSWER,
+    ),
+    "contribution-contact": ("error", "give an e-mail address or a web page: " + _ANSWER),
+    "contribution-dates": ("error", "say on which days the scan was taken: " + _ANSWER),
+    "contribution-dates-stamps": (
+        "warning",
+        "right where the recorder's clock was wrong; otherwise mend survey_dates",
+    ),
+    "contribution-licence": (
+        "error",
+        "choose one licence for data by its SPDX id, for example CC-BY-4.0: " + _ANSWER,
+    ),
+    "contribution-place": (
+        "error",
+        "say where it stands, as precisely as the owner allows and no more: " + _ANSWER,
+    ),
+    "contribution-privacy": (
+        "error",
+        "say what was done about faces and number plates, and how it was checked: " + _ANSWER,
+    ),
+    "contribution-rig": (
+        "error",
+        "name LiDAR and camera: `sensors` in words, and [sensors] of the rig file in a build",
+    ),
+    "contribution-structure": ("error", "say what stands there, and since when: " + _ANSWER),
     "counts-mismatch": ("error", _REBUILD),
     "dataset-bridge-missing": (
         "error",
@@ -182,10 +215,12 @@ def _group_lines(findings: Sequence[Finding]) -> Iterator[str]:
     bridges = Counter(finding.bridge for finding in findings)
     spread = f" in {len(bridges)} bridges" if len(bridges) > 1 else ""
     yield f"{first.level}: {first.code}, {_many(len(findings), 'time')}{spread}"
-    for finding in findings[:_SHOWN]:
+    # Each gap of a contribution is a question of its own: none is left out.
+    shown = len(findings) if first.code.startswith("contribution-") else _SHOWN
+    for finding in findings[:shown]:
         yield f"  {finding.place}: {finding.message}"
-    if len(findings) > _SHOWN:
-        yield f"  ... and {len(findings) - _SHOWN} more (--json gives them all)"
+    if len(findings) > shown:
+        yield f"  ... and {len(findings) - shown} more (--json gives them all)"
     yield f"  fix: {first.fix}"
 
 

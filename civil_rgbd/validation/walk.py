@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from civil_rgbd.format.layout import (
     FRAMES,
@@ -15,6 +16,7 @@ from civil_rgbd.format.layout import (
     is_bridge,
     is_dataset,
 )
+from civil_rgbd.validation.contribution import check_contribution
 from civil_rgbd.validation.datasets import bridge_entries, check_dataset
 from civil_rgbd.validation.documents import (
     BridgeDocuments,
@@ -27,6 +29,9 @@ from civil_rgbd.validation.files import check_files
 from civil_rgbd.validation.frames import check_frame, frame_rules
 from civil_rgbd.validation.index import check_index, check_poses
 from civil_rgbd.validation.report import Finding, Report
+
+PROFILES: Final = ("format", "contribution")
+"""What can be asked for: that the folder is what the format says, and what a submission needs."""
 
 Progress = Callable[[int, int], object]
 """Called with the frames just checked and the frames in all."""
@@ -41,11 +46,17 @@ class _Task:
     read: BridgeDocuments
 
 
-def validate(location: Path, *, progress: Progress = lambda _done, _total: None) -> Report:
+def validate(
+    location: Path,
+    *,
+    profile: str = "format",
+    progress: Progress = lambda _done, _total: None,
+) -> Report:
     """Check a dataset or one bridge against the format.
 
     Args:
         location: a dataset folder or one bridge folder.
+        profile: one of :data:`PROFILES`; ``contribution`` asks for all that a submission needs.
         progress: called after every frame.
 
     Returns:
@@ -53,7 +64,10 @@ def validate(location: Path, *, progress: Progress = lambda _done, _total: None)
 
     Raises:
         FormatError: there is no such folder, or it is neither a dataset nor a bridge.
+        ValueError: there is no such profile.
     """
+    if profile not in PROFILES:
+        raise ValueError(f"profile {profile!r} is none of {', '.join(PROFILES)}")
     location = Path(location)
     findings: list[Finding] = []
     in_dataset = is_dataset(location) and not is_bridge(location)
@@ -62,6 +76,10 @@ def validate(location: Path, *, progress: Progress = lambda _done, _total: None)
     total = sum(len(task.read.rows or ()) for task in tasks)
     for task in tasks:
         findings += _check_documents(task, in_dataset=in_dataset)
+        if profile == "contribution":
+            # It says the same of the licence, as an error.
+            findings = [found for found in findings if found.code != "licence-unstated"]
+            findings += check_contribution(task.read, task.name)
         rules = frame_rules(task.read)
         for row in task.read.rows or ():
             findings += check_frame(task.folder, row, rules, task.name)
