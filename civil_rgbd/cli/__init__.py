@@ -16,6 +16,7 @@ COMMANDS: Final = {
     "build": "Build a bridge folder from a raw recording.",
     "info": "Say what a dataset or bridge holds.",
     "inspect-recording": "Say what a raw recording holds, and what it lacks for a build.",
+    "new-bridge": "Say what a contributed bridge is: place, owner, consent, licence.",
     "recipes": "List the recipes that ship, or print one.",
     "simulate": "Write a simulated recording.",
     "validate": "Check a dataset or bridge against the format.",
