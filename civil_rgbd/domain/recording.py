@@ -47,6 +47,10 @@ class RecordingOptions:
         rectified: the images are rectified already, whatever their topic's name.
         salvage: read what is readable of a damaged file.
         trajectory: poses from a file, in place of the recording's own; ``pose_of`` says of what.
+        trajectory_sources: the files that ``trajectory`` was read from.
+        trajectory_note: where ``trajectory`` comes from, in words, for the manifest.
+        scan_times: a file with the stamps of a folder of scans; None = one inside the folder.
+        scans_in: ``map`` or ``lidar``: the frame of scans that do not say it themselves.
         images: a folder of images, for a source without images of its own.
         image_times: a file with the stamps of ``images``, one a line.
         more_files: the further files of a recording that was split, in order.
@@ -63,6 +67,10 @@ class RecordingOptions:
     rectified: bool = False
     salvage: bool = False
     trajectory: Trajectory | None = None
+    trajectory_sources: tuple[SourceFile, ...] = ()
+    trajectory_note: str = "a file"
+    scan_times: Path | None = None
+    scans_in: str | None = None
     images: Path | None = None
     image_times: Path | None = None
     more_files: tuple[Path, ...] = ()
