@@ -57,3 +57,7 @@ class MissingExtraError(CivilRgbdError):
 
 class ImageDecodeError(RecordingError):
     """One image of a recording cannot be decoded; the build counts it and goes on."""
+
+
+class OdometryError(CivilRgbdError):
+    """An odometry engine cannot start or finish, or what it answers cannot be right."""
