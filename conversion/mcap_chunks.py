@@ -7,23 +7,19 @@ import zlib
 from dataclasses import dataclass
 from typing import Final
 
-import lz4.frame
-import zstandard
+from civil_rgbd.conversion.compression import (
+    LARGEST_CHUNK_BYTES,
+    ChunkError,
+    UnknownCompressionError,
+    lz4_records,
+    plain_records,
+    zstd_records,
+)
 
 CHUNK_HEAD: Final = struct.Struct("<QQQII")
 """start time, end time, uncompressed size, uncompressed crc, length of the compression's name."""
 
-_LARGEST_CHUNK_BYTES: Final = 1 << 32  # writers make 1 to 100 MB; a larger claim is a damaged byte
-_ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
 _LONGEST_NAME: Final = 32  # "zstd" and "lz4" are the names the specification knows
-
-
-class ChunkError(ValueError):
-    """A chunk cannot be read."""
-
-
-class UnknownCompressionError(ChunkError):
-    """A chunk is compressed in a way that is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +62,7 @@ def parse_chunk(body: memoryview, *, cut: bool) -> ChunkRecord:
     stored = body[at + 8 : at + 8 + stored_length]
     if not cut and len(stored) != stored_length:
         raise ChunkError(f"{stored_length} bytes are claimed, {len(stored)} are there")
-    if size > _LARGEST_CHUNK_BYTES:
+    if size > LARGEST_CHUNK_BYTES:
         raise ChunkError(f"it claims {size} bytes once decompressed")
     return ChunkRecord(size, crc, name, stored, cut)
 
@@ -87,10 +83,8 @@ def records_of(chunk: ChunkRecord) -> memoryview:
     if chunk.compression not in _DECOMPRESSORS:
         known = ", ".join(repr(name) for name in _DECOMPRESSORS if name)
         raise UnknownCompressionError(f"compression {chunk.compression!r} is none of {known}")
-    try:
-        records = _DECOMPRESSORS[chunk.compression](chunk)
-    except (zstandard.ZstdError, RuntimeError, MemoryError, EOFError, ValueError) as error:
-        raise ChunkError(f"it cannot be decompressed: {error}") from error
+    decompress = _DECOMPRESSORS[chunk.compression]
+    records = decompress(chunk.stored, chunk.uncompressed_size, cut=chunk.cut)
     if chunk.cut:
         return records
     if len(records) != chunk.uncompressed_size:
@@ -100,48 +94,4 @@ def records_of(chunk: ChunkRecord) -> memoryview:
     return records
 
 
-def message_of(payload: memoryview, limit: int = -1) -> memoryview:
-    """Return a message as its publisher wrote it.
-
-    ``ros2 bag record --compression-mode message`` compresses every message by itself and tells
-    only its metadata.yaml; no CDR payload starts like a zstd frame, so the bytes tell too.
-
-    Args:
-        payload: as recorded.
-        limit: bytes wanted of a compressed one; -1 = all.
-
-    Raises:
-        ChunkError: it is compressed and damaged.
-    """
-    if bytes(payload[:4]) != _ZSTD_MAGIC:
-        return payload
-    limit = _LARGEST_CHUNK_BYTES if limit < 0 else limit
-    try:
-        size = zstandard.frame_content_size(payload)
-        with zstandard.ZstdDecompressor().stream_reader(payload) as reader:
-            return memoryview(reader.read(min(limit, size) if size >= 0 else limit))
-    except (zstandard.ZstdError, MemoryError) as error:
-        raise ChunkError(f"a message cannot be decompressed: {error}") from error
-
-
-def _plain(chunk: ChunkRecord) -> memoryview:
-    return chunk.stored
-
-
-def _zstd(chunk: ChunkRecord) -> memoryview:
-    if chunk.cut:
-        return memoryview(zstandard.ZstdDecompressor().decompressobj().decompress(chunk.stored))
-    # A reader rather than `decompress`: some writers use several frames, or leave out their size.
-    with zstandard.ZstdDecompressor().stream_reader(
-        chunk.stored, read_across_frames=True
-    ) as reader:
-        return memoryview(reader.read(chunk.uncompressed_size))
-
-
-def _lz4(chunk: ChunkRecord) -> memoryview:
-    if chunk.cut:
-        return memoryview(lz4.frame.LZ4FrameDecompressor().decompress(chunk.stored))
-    return memoryview(lz4.frame.decompress(chunk.stored))
-
-
-_DECOMPRESSORS: Final = {"zstd": _zstd, "lz4": _lz4, "": _plain}
+_DECOMPRESSORS: Final = {"zstd": zstd_records, "lz4": lz4_records, "": plain_records}

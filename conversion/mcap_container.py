@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import struct
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO, Final, Protocol
+from typing import BinaryIO, Final
 
-from civil_rgbd.conversion.mcap_chunks import (
-    ChunkError,
-    UnknownCompressionError,
-    message_of,
-    parse_chunk,
-    records_of,
-)
+from civil_rgbd.conversion.compression import ChunkError, UnknownCompressionError, message_of
+from civil_rgbd.conversion.container import HEAD_BYTES, NO_CHUNK, Extent, Sink, SinkFor
+from civil_rgbd.conversion.mcap_chunks import parse_chunk, records_of
 from civil_rgbd.conversion.mcap_summary import Summary, read_summary
 
 MAGIC: Final = b"\x89MCAP0\r\n"
@@ -24,56 +19,12 @@ RECORD: Final = struct.Struct("<BQ")
 MESSAGE: Final = struct.Struct("<HIQQ")
 """channel, sequence, log time, publish time, before every payload."""
 FOOTER, SCHEMA, CHANNEL, MESSAGE_OP, CHUNK, METADATA, DATA_END = 2, 3, 4, 5, 6, 0x0C, 0x0F
-NO_CHUNK: Final = -1
-"""In place of a chunk's start, for messages that lie outside of chunks."""
 
-_HEAD_BYTES = 1 << 17  # enough for a header, and for one block of a compressed message
 _SMALL_MESSAGE_BYTES = 1 << 20
 _LARGEST_READ = 1 << 32  # a damaged length must not ask for the whole file at once
 
 
-class Sink(Protocol):
-    """What takes the messages of one channel; ``head_only`` when large ones may come cut."""
-
-    head_only: bool
-
-    def take(self, log_time_ns: int, place: tuple[int, int, int], payload: memoryview) -> None:
-        """Take one message; ``place`` is chunk start (or -1), offset, length."""
-
-
-@dataclass(slots=True)
-class Extent:
-    """What a walk found.
-
-    Attributes:
-        messages: how many messages could be read, of all topics.
-        first_ns: earliest log time.
-        last_ns: latest log time.
-        damage: what could not be read, in words, in order.
-        remarks: what is odd though nothing is lost.
-        unknown_compression: a chunk is compressed in a way that is not known.
-        whole: the data section was read to its end.
-        simulated: a metadata record says that a simulator wrote the file.
-    """
-
-    messages: int = 0
-    first_ns: int = 1 << 63
-    last_ns: int = 0
-    damage: list[str] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)
-    unknown_compression: bool = False
-    whole: bool = False
-    simulated: bool = False
-
-    @property
-    def duration_s(self) -> float:
-        """Seconds between the first and the last readable message."""
-        return max(0, self.last_ns - self.first_ns) / 1e9 if self.messages else 0.0
-
-
-def walk(
-    path: Path, sink_for: Callable[[str, str, str], Sink | None], *, size_bytes: int
-) -> Extent:
+def walk(path: Path, sink_for: SinkFor, *, size_bytes: int, base: int = 0) -> Extent:
     """Read every record of a file once, and hand each message to its channel's sink.
 
     Memory holds one chunk at a time. Damage does not stop the walk: it is noted, and what follows
@@ -83,6 +34,7 @@ def walk(
         path: an MCAP file.
         sink_for: called with topic, type and encoding of each channel; None = not of interest.
         size_bytes: the file's length.
+        base: added to the places, for a file that goes on from others.
 
     Returns:
         what there was.
@@ -91,22 +43,18 @@ def walk(
         OSError: the file cannot be read.
     """
     with path.open("rb") as file:
-        return _Walk(file, size_bytes, sink_for).run()
+        return _Walk(file, size_bytes, sink_for, base).run()
 
 
 class _Walk:
-    def __init__(
-        self,
-        file: BinaryIO,
-        size_bytes: int,
-        sink_for: Callable[[str, str, str], Sink | None],
-    ) -> None:
+    def __init__(self, file: BinaryIO, size_bytes: int, sink_for: SinkFor, base: int) -> None:
         self._file, self._size, self._sink_for = file, size_bytes, sink_for
+        self._base = base
         self._schemas: dict[int, str] = {}
         self._sinks: dict[int, Sink | None] = {}
         self._chunks_seen: set[int] = set()
         self._summary: Summary | None = None
-        self._extent = Extent()
+        self._extent = Extent(span=size_bytes)
 
     def run(self) -> Extent:
         at: int | None = len(MAGIC)
@@ -200,7 +148,7 @@ class _Walk:
                 sink = self._sink(channel, log_time_ns)
                 if sink is not None:
                     offset = body + MESSAGE.size
-                    place = (start, offset, at - offset)
+                    place = (self._base + start, offset, at - offset)
                     self._hand_over(sink, log_time_ns, place, records[offset:at])
             elif opcode in (SCHEMA, CHANNEL):
                 self._definition(opcode, records[body:at])
@@ -215,24 +163,22 @@ class _Walk:
         if sink is not None:
             size = length - MESSAGE.size
             cut = sink.head_only and size > _SMALL_MESSAGE_BYTES
-            payload = memoryview(self._file.read(_HEAD_BYTES if cut else size))
-            self._hand_over(sink, log_time_ns, (NO_CHUNK, body + MESSAGE.size, size), payload)
+            payload = memoryview(self._file.read(HEAD_BYTES if cut else size))
+            place = (NO_CHUNK, self._base + body + MESSAGE.size, size)
+            self._hand_over(sink, log_time_ns, place, payload)
 
     def _hand_over(
         self, sink: Sink, log_time_ns: int, place: tuple[int, int, int], payload: memoryview
     ) -> None:
         try:
-            message = message_of(payload, _HEAD_BYTES if sink.head_only else -1)
+            message = message_of(payload, HEAD_BYTES if sink.head_only else -1)
         except ChunkError as error:
             self._extent.damage.append(f"in the message at byte {place[1]}: {error}")
             return
         sink.take(log_time_ns, place, message)
 
     def _sink(self, channel: int, log_time_ns: int) -> Sink | None:
-        extent = self._extent
-        extent.messages += 1
-        extent.first_ns = min(extent.first_ns, log_time_ns)
-        extent.last_ns = max(extent.last_ns, log_time_ns)
+        self._extent.count(log_time_ns)
         if channel not in self._sinks:  # its definition lay in what was lost
             self._define_from_summary(channel)
         return self._sinks[channel]
