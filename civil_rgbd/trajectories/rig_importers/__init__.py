@@ -1,0 +1,1 @@
+"""Calibrations as other people's programs write them, read into rig files."""
