@@ -504,33 +504,33 @@ MUTATIONS = (
     Mutation(
         "largest depth wins",
         RENDER,
-        "nearest[pixel] = min(depths[i], nearest[pixel])",
-        "nearest[pixel] = (depths[i] if nearest[pixel] == np.inf else "
-        "max(depths[i], nearest[pixel]))",
+        "nearest[pixel] = min(depths[point], nearest[pixel])",
+        "nearest[pixel] = (depths[point] if nearest[pixel] == np.inf else "
+        "max(depths[point], nearest[pixel]))",
     ),
     Mutation(
         "newest depth wins",
         RENDER,
-        "nearest[pixel] = min(depths[i], nearest[pixel])",
-        "nearest[pixel] = depths[i]",
+        "nearest[pixel] = min(depths[point], nearest[pixel])",
+        "nearest[pixel] = depths[point]",
     ),
     Mutation(
         "width and height swapped in the image",
         RENDER,
-        "np.int32(v * u_end + u if seen else missed)",
-        "np.int32(u * v_end + v if seen else missed)",
+        "np.int32(v * u_end + u if seen else np.float64(missed))",
+        "np.int32(u * v_end + v if seen else np.float64(missed))",
     ),
     Mutation(
         "depth along the ray",
         RENDER,
-        "depths[i] = np.float32(depth)",
-        "depths[i] = np.float32(np.sqrt(depth * depth * (1 + 1e-4 * u * u)))",
+        "depths[i] = np.float32(steps if rounded else depth)",
+        "depths[i] = np.float32(steps if rounded else np.sqrt(depth * depth * (1 + 1e-4 * u * u)))",
     ),
     Mutation(
         "depth step truncated",
         RENDER,
-        "np.float32(np.floor(depth * steps_per_m + 0.5))",
-        "np.float32(np.floor(depth * steps_per_m))",
+        "np.floor(depth * steps_per_m + 0.5)",
+        "np.floor(depth * steps_per_m)",
     ),
     Mutation(
         "depth range: its lower end is outside",
