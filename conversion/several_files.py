@@ -22,7 +22,7 @@ from civil_rgbd.errors import RecordingError, UsageError
 
 _SAID_AT_MOST: Final = 5
 _OPEN_FILES: Final = 2  # scans and images of one instant lie at most across one border
-_START_BYTES: Final = 64
+_START_BYTES: Final = 512  # a bag names its encryption in its first record
 
 
 class JoinedPayloads:
