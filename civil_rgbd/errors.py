@@ -51,6 +51,10 @@ class OutputError(CivilRgbdError):
     """A file or folder cannot be written."""
 
 
+class DownloadError(CivilRgbdError):
+    """A file cannot be fetched, or is not what was promised."""
+
+
 class MissingExtraError(CivilRgbdError):
     """An optional dependency is not installed."""
 

@@ -15,7 +15,16 @@ from civil_rgbd.validation.report import CODES
 
 PAGE: Final = Path(__file__).parent / "format.md"
 
-FILES: Final = ("manifest", "intrinsics", "poses", "frames", "defects", "dataset", "bridge_info")
+FILES: Final = (
+    "manifest",
+    "intrinsics",
+    "poses",
+    "frames",
+    "defects",
+    "dataset",
+    "bridge_info",
+    "registry",
+)
 """The schemas, in the order of the page."""
 
 MAJOR: Final = FORMAT_VERSION.split(".")[0]

@@ -21,8 +21,7 @@ from civil_rgbd.converters import ENTRY_POINT_GROUP
 ROOT = Path(__file__).resolve().parents[1]
 PYPROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 SETUPTOOLS = PYPROJECT["tool"]["setuptools"]
-MAPPED = {"civil_rgbd.schema": "schema", "civil_rgbd.recipes": "recipes"}
-MAPPED["civil_rgbd.conversion"] = "conversion"
+MAPPED = {f"civil_rgbd.{room}": room for room in ("schema", "recipes", "registry", "conversion")}
 
 
 def folders_with_modules() -> set[str]:
@@ -52,7 +51,9 @@ def test_the_top_level_folders_are_mapped_into_the_package() -> None:
     assert SETUPTOOLS["package-dir"] == {"civil_rgbd": "civil_rgbd"} | MAPPED
 
 
-@pytest.mark.parametrize(("room", "suffix"), [("schema", ".json"), ("recipes", ".toml")])
+@pytest.mark.parametrize(
+    ("room", "suffix"), [("schema", ".json"), ("recipes", ".toml"), ("registry", ".json")]
+)
 def test_the_data_that_the_package_finds_is_the_repositorys(room: str, suffix: str) -> None:
     shipped = {
         entry.name: entry.read_bytes()
@@ -65,7 +66,7 @@ def test_the_data_that_the_package_finds_is_the_repositorys(room: str, suffix: s
 
 
 def test_every_file_of_a_data_room_is_of_a_kind_that_ships() -> None:
-    for room in ("schema", "recipes"):
+    for room in ("schema", "recipes", "registry"):
         kinds = {f"*{path.suffix}" for path in (ROOT / room).iterdir() if path.is_file()}
         assert kinds - {"*.py"} == set(SETUPTOOLS["package-data"][f"civil_rgbd.{room}"])
 

@@ -18,3 +18,18 @@ def frame_bar(title: str) -> Iterator[Callable[[int, int], object]]:
             bar.update(done)
 
         yield advance
+
+
+@contextmanager
+def byte_bar(title: str) -> Iterator[Callable[[int, int], object]]:
+    """Show one bar; the callback takes the bytes that are here, and the total."""
+    from tqdm import tqdm
+
+    with tqdm(desc=title, unit="B", unit_scale=True, disable=None) as bar:
+
+        def advance(here: int, total: int) -> None:
+            bar.total = total
+            bar.n = here
+            bar.refresh()
+
+        yield advance

@@ -12,7 +12,16 @@ import pytest
 from civil_rgbd.format.index import SCHEMA
 from civil_rgbd.resources import load_schema
 
-KINDS = ["manifest", "intrinsics", "poses", "dataset", "defects", "frames", "bridge_info"]
+KINDS = [
+    "manifest",
+    "intrinsics",
+    "poses",
+    "dataset",
+    "defects",
+    "frames",
+    "bridge_info",
+    "registry",
+]
 
 
 def parts(schema: dict[str, Any], path: str = "$") -> Iterator[tuple[str, dict[str, Any]]]:

@@ -1,0 +1,1 @@
+"""The list of accepted bridges: data only, checked by schema/registry.schema.json."""
