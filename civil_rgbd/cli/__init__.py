@@ -14,6 +14,7 @@ from civil_rgbd.resources import nearest
 
 COMMANDS: Final = {
     "build": "Build a bridge folder from a raw recording.",
+    "convert": "Take over a set that others rendered, as a bridge folder.",
     "download": "Fetch an accepted bridge, verified.",
     "info": "Say what a dataset or bridge holds.",
     "inspect-recording": "Say what a raw recording holds, and what it lacks for a build.",
