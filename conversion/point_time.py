@@ -17,8 +17,23 @@ from civil_rgbd.resources import nearest
 UNIT_NS: Final = {"s": NS_PER_S, "ms": 1_000_000, "us": 1_000, "ns": 1}
 """Nanoseconds in each unit of ``--point-time``."""
 
-REFERENCES: Final = {"header": "header", "epoch": "epoch", "absolute": "epoch"}
-"""What ``--point-time`` may count from: the message's stamp, or the LiDAR clock's zero."""
+REFERENCES: Final = {
+    "header": "header",
+    "epoch": "epoch",
+    "absolute": "epoch",
+    "gps": "gps",
+    "gps-week": "gps-week",
+}
+"""What ``--point-time`` may count from: the message's stamp, or the LiDAR clock's zero.
+
+LAS has two more. ``gps``: its adjusted standard GPS time, that is since 6 January 1980 less 10^9 s;
+``gps-week``: seconds of the GPS week in which the scan lies.
+"""
+
+_GPS_EPOCH_S: Final = 315_964_800  # 6 January 1980, in Unix time
+_LEAP_S: Final = 18  # GPS is ahead of UTC by this since 1 January 2017 (IERS Bulletin C)
+_WEEK_NS: Final = 604_800 * NS_PER_S
+_GPS_ADJUSTED_S: Final = 1_000_000_000  # LAS 1.4, "Global Encoding"
 
 IGNORE: Final = "none"
 """``--point-time none``: every point has its message's stamp."""
@@ -41,7 +56,7 @@ class PointTime:
     Attributes:
         field: the cloud's field.
         unit: key of :data:`UNIT_NS`; None = seconds or nanoseconds by magnitude.
-        reference: ``header`` or ``epoch``.
+        reference: ``header``, ``epoch``, ``gps`` or ``gps-week``.
         unsigned: the values cannot be negative.
     """
 
@@ -87,7 +102,8 @@ def point_time_of(types: dict[str, str], option: str | None, *, where: object) -
             f"field {name!r} ({types[name]}) looks like a point time in an unknown unit",
             where=where,
             fix=f"say what it means: `--point-time {name}:UNIT:REFERENCE` with UNIT one of "
-            f"{', '.join(UNIT_NS)} and REFERENCE header or epoch; or `--point-time none`",
+            f"{', '.join(UNIT_NS)} and REFERENCE header or epoch (of LAS also gps or gps-week); or "
+            "`--point-time none`",
         )
     return None
 
@@ -133,8 +149,10 @@ def point_stamps_ns(
     """
     unit_ns = UNIT_NS[rule.unit or _unit_by_magnitude(values, header_ns)]
     offsets_ns, usable = _whole_ns(values, unit_ns)
-    if rule.reference == "epoch":
-        offsets_ns -= header_ns
+    if rule.reference != "header":
+        offsets_ns += _zero_ns(rule.reference, header_ns) - header_ns
+    if rule.reference == "gps-week":  # a scan may lie on the turn of a week
+        offsets_ns = (offsets_ns + _WEEK_NS // 2) % _WEEK_NS - _WEEK_NS // 2
     near = usable & (np.abs(offsets_ns) <= MAX_POINT_TIME_OFFSET_NS)
     if not near.all():
         returned = np.isfinite(points).all(axis=1) & (points != 0).any(axis=1)
@@ -144,6 +162,16 @@ def point_stamps_ns(
         offsets_ns = np.where(near, offsets_ns, 0)
     stamps_ns: NDArray[np.int64] = offsets_ns + header_ns
     return stamps_ns
+
+
+def _zero_ns(reference: str, header_ns: int) -> int:
+    """Return the instant that a reference counts from, LiDAR clock (UTC for GPS times)."""
+    if reference == "gps":
+        return (_GPS_EPOCH_S + _GPS_ADJUSTED_S - _LEAP_S) * NS_PER_S
+    if reference == "gps-week":
+        since_ns = header_ns - (_GPS_EPOCH_S - _LEAP_S) * NS_PER_S
+        return header_ns - since_ns % _WEEK_NS
+    return 0
 
 
 def _unit_by_magnitude(values: NDArray[np.generic], header_ns: int) -> str:

@@ -152,8 +152,6 @@ def rgb_from_compressed(
 ) -> _Pixels:
     """Decode one ``sensor_msgs/CompressedImage``: JPEG or PNG, told by its content.
 
-    EXIF orientation is ignored: the camera model speaks of the pixels as stored.
-
     Args:
         payload: the message.
         where: file, topic and image, for errors.
@@ -170,6 +168,26 @@ def rgb_from_compressed(
     reader = read(payload)
     reader.header()
     name, data = reader.text(), reader.octets()
+    return rgb_from_encoded(data, name, where=where)
+
+
+def rgb_from_encoded(data: memoryview, name: str, *, where: object) -> _Pixels:
+    """Decode a JPEG or PNG, told by its content.
+
+    EXIF orientation is ignored: the camera model speaks of the pixels as stored.
+
+    Args:
+        data: the file's bytes.
+        name: the format as a message names it; may be empty.
+        where: file and image, for errors.
+
+    Returns:
+        (H, W, 3) uint8.
+
+    Raises:
+        RecordingError: it is of another codec, or has 16 bits a channel.
+        ImageDecodeError: it cannot be decoded.
+    """
     start = bytes(data[: _PNG_DEPTH_AT + 1])
     if start.startswith(_PNG):
         if start[_PNG_DEPTH_AT:] == b"\x10":
