@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -17,8 +18,10 @@ ENTRY_POINT_GROUP = "civil_rgbd.converters"
 """A converter is ``open_recording(location, options) -> Recording`` under this group.
 
 Its name is the file suffix that it opens (``mcap`` for ``scan.mcap``), or the word before the colon
-of a location that is no file (``simulated:demo``). A module with ``open_motion`` beside it gives
-LiDAR and IMU to odometry as well, one with ``inspect_recording`` says what a recording lacks.
+of a location that is no file (``simulated:demo``). A folder goes to the converter that has the name
+of a file inside (``metadata.yaml``), else to the one that opens the files inside. A module with
+``open_motion`` beside it gives LiDAR and IMU to odometry as well, one with ``inspect_recording``
+says what a recording lacks.
 """
 
 
@@ -100,17 +103,37 @@ def _converter_of(location: str | Path) -> tuple[EntryPoint, str | Path]:
     if colon and name in known:
         return known[name], location
     path = Path(location)
-    suffix = path.suffix.removeprefix(".").lower()
-    if suffix in known:
-        return known[suffix], path
+    found = _of_folder(path, known) if path.is_dir() else _of_file(path.name, known)
+    if len(found) == 1:
+        return known[found.pop()], path
     if not path.exists():
         raise RecordingError(
             f"there is no such recording: {str(location)!r}",
             where=path.absolute().parent,
             fix="check the path",
         )
+    if found:
+        raise UsageError(
+            f"several converters open what lies in {path.name!r}: {', '.join(sorted(found))}",
+            where=path,
+            fix="name the recording inside",
+        )
+    suffix = path.suffix.removeprefix(".").lower()
     raise UsageError(
         f"no converter opens {path.name!r}",
         where=path,
         fix=nearest(suffix, known) + " (converters go by file suffix)",
     )
+
+
+def _of_file(name: str, known: Iterable[str]) -> set[str]:
+    """Return the name of the converter whose suffix fits, the longest of several."""
+    fitting = [suffix for suffix in known if f".{name.lower()}".endswith(f".{suffix}")]
+    return {max(fitting, key=len)} if fitting else set()
+
+
+def _of_folder(folder: Path, known: Iterable[str]) -> set[str]:
+    """Return the converters named after a file of the folder, else those of its files' suffixes."""
+    inside = {path.name for path in folder.iterdir() if path.is_file()}
+    named = inside & set(known)
+    return named or set().union(*(_of_file(name, known) for name in inside))

@@ -148,10 +148,8 @@ class _Walk:
             self._note(at, "was not closed: its last chunk is cut")
             after = self._size
         try:
-            self._file.seek(head.data)
-            records = records_of(
-                head, memoryview(self._file.read(min(after, self._size) - head.data))
-            )
+            stored = self._read(head.data, min(after, self._size) - head.data)
+            records = records_of(head, memoryview(stored))
         except ChunkError as error:
             self._extent.unknown_compression |= isinstance(error, UnknownCompressionError)
             self._extent.damage.append(f"the chunk at byte {at} is not readable: {error}")
@@ -251,7 +249,7 @@ class _Walk:
 
     @property
     def _all_chunks_seen(self) -> bool:
-        return 0 < self._index_at and self._chunks_seen >= self._chunks_claimed
+        return self._index_at > 0 and self._chunks_seen >= self._chunks_claimed
 
     def _note(self, at: int, what: str) -> None:
         if self._all_chunks_seen and at >= self._chunk_end:

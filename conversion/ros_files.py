@@ -42,7 +42,7 @@ def files_of(container: Container, location: str | Path, options: RecordingOptio
     first = Path(location)
     paths = (first,)
     if first.is_dir():
-        paths = _files_inside(container, first)
+        paths = files_inside(container, first)
     more = tuple(Path(path) for path in options.more_files)
     return RosFiles(container, paths + more, stem_of(first), first)
 
@@ -60,7 +60,12 @@ def stem_of(path: Path) -> str:
     return name
 
 
-def _files_inside(container: Container, folder: Path) -> tuple[Path, ...]:
+def files_inside(container: Container, folder: Path) -> tuple[Path, ...]:
+    """Return the files of one recording in a folder, in the order in which they were split.
+
+    Raises:
+        RecordingError: there are none, or those of several recordings.
+    """
     suffixes = [f".{container.name}{packed}" for packed in ("", ".zstd", ".zst")]
     found = [path for path in folder.iterdir() if path.name.lower().endswith(tuple(suffixes))]
     if not found:
