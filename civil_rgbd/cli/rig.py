@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from civil_rgbd.domain.recording import Recording, RecordingOptions
 
 
 @click.group("rig")
@@ -91,3 +95,71 @@ def _size(text: str | None) -> tuple[int, int] | None:
             f"--image-size {text!r} is no size", where="--image-size", fix="for example 1280x720"
         )
     return int(found[1]), int(found[2])
+
+
+@command.command("check")
+@click.argument("source", metavar="RECORDING")
+@click.option(
+    "--rig",
+    "rig_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="The rig file to check  [default: what the recording says]",
+)
+@click.option("--lidar-topic", metavar="TOPIC", help="The point clouds, where several topics fit.")
+@click.option("--image-topic", metavar="TOPIC", help="The images, where several topics fit.")
+@click.option(
+    "--camera-info-topic", metavar="TOPIC", help="The camera model, where several topics fit."
+)
+@click.option("--pose-topic", metavar="TOPIC", help="The poses, where several topics fit.")
+@click.option("--rectified", is_flag=True, help="The images are rectified.")
+@click.option("--salvage", is_flag=True, help="Go on with what is readable of a damaged recording.")
+@click.option("--json", "as_json", is_flag=True, help="Print it for machines.")
+@click.pass_context
+def check(
+    context: click.Context,
+    source: str,
+    *,
+    rig_path: Path | None,
+    as_json: bool,
+    **recording_options: object,
+) -> None:
+    """Ask the images of RECORDING whether the camera's mounting is the right way round.
+
+    A few scans are projected by the given mounting and by its inverse, and depth jumps are
+    compared with the images' edges. Poses are not needed. Exit code 0: the given direction
+    explains the images better, or the images do not tell; 1: its inverse does, or hardly any point
+    is in view.
+    """
+    import json
+
+    from civil_rgbd.domain.recording import RecordingOptions
+    from civil_rgbd.domain.rig import RigFile
+    from civil_rgbd.health.direction import compare_directions
+    from civil_rgbd.trajectories.rig import read_rig
+
+    rig = read_rig(rig_path) if rig_path else RigFile()
+    options = RecordingOptions(rig=rig, **recording_options)  # type: ignore[arg-type]  # click hands them over by name
+    report = compare_directions(_opened(source, options))
+    print(json.dumps(report.to_document(), indent=2) if as_json else report.to_text())
+    context.exit(1 if report.verdict == "inverse" or report.misses else 0)
+
+
+def _opened(source: str, options: RecordingOptions) -> Recording:
+    """Open a recording by its own poses; where it has none, as if the LiDAR stood still."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from civil_rgbd.converters import open_recording
+    from civil_rgbd.errors import CivilRgbdError
+    from civil_rgbd.geometry.trajectory import Trajectory
+
+    try:
+        return open_recording(source, options)
+    except CivilRgbdError:
+        # From 1938 to 2096, so that every clock lies within.
+        stamps_ns = np.array([-(10**18), 4 * 10**18], dtype=np.int64)
+        upright = np.tile([0.0, 0.0, 0.0, 1.0], (2, 1))
+        still = Trajectory(stamps_ns, np.zeros((2, 3)), upright)
+        return open_recording(source, replace(options, trajectory=still, pose_of="lidar"))
