@@ -129,7 +129,7 @@ def _files(location: str | Path, options: RecordingOptions) -> RosFiles:
         for folder, one in zip(folders, metadata, strict=True)
         for path in _paths(folder, one, container)
     )
-    return RosFiles(replace(container, name=NAME), paths, folders[0].resolve().name, Path(location))
+    return RosFiles(replace(container, name=NAME), paths, folders[0].resolve().name, folders[0])
 
 
 def _folder(path: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -99,18 +100,22 @@ def open_files(files: RosFiles, options: RecordingOptions) -> Recording:
         RecordingError: it is not there, damaged, or lacks what a build needs.
         UsageError: an option does not fit, or one is needed to choose.
     """
-    with opened_files(
-        files.container, files.paths, options, TopicTable(), name=files.name
-    ) as opened:
+    with _opened(files, options, TopicTable()) as opened:
         return assemble(opened, options)
 
 
 def open_files_for_motion(files: RosFiles, options: RecordingOptions) -> MotionRecording:
     """Open LiDAR and IMU, for odometry; errors as :func:`open_files`."""
-    with opened_files(
-        files.container, files.paths, options, MotionTable(), name=files.name
-    ) as opened:
+    with _opened(files, options, MotionTable()) as opened:
         return assemble_motion(opened, options)
+
+
+def _opened(
+    files: RosFiles, options: RecordingOptions, table: TopicTable
+) -> AbstractContextManager[Opened]:
+    return opened_files(
+        files.container, files.paths, options, table, name=files.name, where=files.where
+    )
 
 
 def inspect_files(files: RosFiles, options: RecordingOptions) -> RecordingSummary:

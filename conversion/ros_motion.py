@@ -10,13 +10,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.conversion.cdr import ENCAPSULATION_BYTES, CdrError, byte_order, decoding
+from civil_rgbd.conversion.cdr import CdrError, decoding
+from civil_rgbd.conversion.encodings import READERS
 from civil_rgbd.conversion.frame_tree import FrameTree
 from civil_rgbd.conversion.gathering import Gathered
 from civil_rgbd.conversion.livox import LIVOX_TIME, scan_from_livox
 from civil_rgbd.conversion.point_clouds import scan_from_cloud
 from civil_rgbd.conversion.point_time import PointTime
-from civil_rgbd.conversion.ros_assembly import Opened, point_time_of_scans
+from civil_rgbd.conversion.ros_assembly import Opened, point_time_of_scans, stream_of
 from civil_rgbd.conversion.ros_choice import choose_lidar, transforms_gathered
 from civil_rgbd.conversion.ros_poses import transforms_from
 from civil_rgbd.conversion.ros_recording import Payloads, Stream
@@ -44,9 +45,9 @@ class GatheredImu(Gathered):
 
     def _look(self, payload: memoryview, stamp_ns: int, header_end: int) -> None:
         del stamp_ns
-        at = header_end + -(header_end - ENCAPSULATION_BYTES) % 8
+        at = self.read.aligned(header_end, 8)
         try:
-            numbers = _IMU[byte_order(payload)].unpack_from(payload, at)
+            numbers = _IMU[self.read.order_of(payload)].unpack_from(payload, at)
         except struct.error as error:
             del self._rows[-5:]
             raise CdrError("it ends before its reading does") from error
@@ -67,9 +68,10 @@ class MotionTable(TopicTable):
 
     def sink_for(self, name: str, type_name: str, encoding: str) -> Gathered | None:
         """Return what takes the messages of one channel; channels of one topic share it."""
-        if plain_type(type_name) != IMU_TYPE or encoding != "cdr":
+        if plain_type(type_name) != IMU_TYPE or encoding not in READERS:
             return super().sink_for(name, type_name, encoding)
         topic = Topic(name, IMU_TYPE, "imu", GatheredImu())
+        topic.gathered.read = READERS[encoding]
         return self._topics.setdefault((name, IMU_TYPE), topic).gathered
 
 
@@ -117,8 +119,8 @@ class RosMotion:
         where = f"{self.sources[0].name}: {self.scans.topic}"
         with decoding(f"point cloud {index}", where=where):
             if self.is_livox:
-                return scan_from_livox(payload, in_map=False)
-            return scan_from_cloud(payload, self.point_time, in_map=False)
+                return scan_from_livox(payload, in_map=False, read=self.scans.read)
+            return scan_from_cloud(payload, self.point_time, in_map=False, read=self.scans.read)
 
 
 def assemble_motion(opened: Opened, options: RecordingOptions) -> RosMotion:
@@ -135,7 +137,7 @@ def assemble_motion(opened: Opened, options: RecordingOptions) -> RosMotion:
     table, where = opened.table, opened.where
     lidar = choose_lidar(table, options, where=where)
     imu = _choose_imu(table, options, where).readings()
-    scans = Stream(lidar.name, lidar.type_name, lidar.gathered.index())
+    scans = stream_of(lidar)
     point_time = point_time_of_scans(opened, options, scans)
     if point_time is None:
         raise RecordingError(

@@ -131,6 +131,7 @@ def opened_files(
     table: TopicTable,
     *,
     name: str,
+    where: object,
 ) -> Iterator[Opened]:
     """Walk files of one kind and hand out what was found; let go of the files afterwards.
 
@@ -140,13 +141,13 @@ def opened_files(
         options: what the user says.
         table: gathers the messages.
         name: of the recording.
+        where: what the user gave, for errors.
 
     Raises:
         RecordingError: a file is not there, of another kind, or damaged.
         UsageError: a file is given twice.
     """
     walked = walk_files(container, files, table.sink_for)
-    where = files[0] if len(files) == 1 else f"{files[0]} and {len(files) - 1} more"
     try:
         salvage = judge(walked.extent, container, options, where=where)
         notes = RecordingNotes(
