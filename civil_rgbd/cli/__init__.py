@@ -16,6 +16,7 @@ COMMANDS: Final = {
     "build": "Build a bridge folder from a raw recording.",
     "convert": "Take over a set that others rendered, as a bridge folder.",
     "download": "Fetch an accepted bridge, verified.",
+    "export": "Write bridges in the layouts that other programs read.",
     "info": "Say what a dataset or bridge holds.",
     "inspect-recording": "Say what a raw recording holds, and what it lacks for a build.",
     "new-bridge": "Say what a contributed bridge is: place, owner, consent, licence.",

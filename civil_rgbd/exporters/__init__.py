@@ -1,0 +1,1 @@
+"""Bridges written in the layouts that other programs read."""
