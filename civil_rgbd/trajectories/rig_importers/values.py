@@ -170,7 +170,7 @@ def camera_from(
     """
     if len(intrinsics) == 9:
         fx, skew, cx, _, fy, cy, *_ = intrinsics
-        if abs(skew) > _TYPED_TOLERANCE * fx:
+        if abs(skew) > _TYPED_TOLERANCE * abs(fx):
             raise UsageError(f"K has a skew of {skew}", where=where, fix="calibrate without skew")
     else:
         fx, fy, cx, cy = intrinsics
