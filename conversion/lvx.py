@@ -1,0 +1,165 @@
+"""LVX files of Livox Viewer: version 1.1 (Avia, Horizon, Mid-70 ...) and 2 (Mid-360, HAP)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from civil_rgbd.conversion.frame_tree import FrameTree
+from civil_rgbd.conversion.lidar_only import LidarSource, assemble_lidar_only, refuse_topics
+from civil_rgbd.conversion.lvx_file import LvxHeader, read_lvx_header
+from civil_rgbd.conversion.lvx_imu import read_imu
+from civil_rgbd.conversion.lvx_scans import Index, LvxScans, index_scans
+from civil_rgbd.domain.folders import file_source
+from civil_rgbd.domain.motion import ImuReadings
+from civil_rgbd.domain.recording import (
+    Recording,
+    RecordingNotes,
+    RecordingOptions,
+    SourceFile,
+)
+from civil_rgbd.domain.scan import LidarScan
+from civil_rgbd.errors import RecordingError, UsageError
+
+_HEADER_BYTES: Final = 29 + 255 * 63
+_SAID_AT_MOST: Final = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LvxMotion:
+    """LiDAR and IMU of a file; fits :class:`civil_rgbd.domain.motion.MotionRecording`.
+
+    Attributes:
+        name: the file's stem.
+        sources: the file.
+        notes: what is odd about it.
+        scans: its scans.
+        imu: everything that the IMU measured, forces in g.
+        T_imu_lidar: (4, 4), as the rig file says; None when it does not.
+    """
+
+    name: str
+    sources: tuple[SourceFile, ...]
+    notes: RecordingNotes
+    scans: LvxScans
+    imu: ImuReadings
+    T_imu_lidar: NDArray[np.float64] | None
+
+    @property
+    def scan_stamps_ns(self) -> NDArray[np.int64]:
+        """(S,) stamps of all frames."""
+        return self.scans.stamps_ns
+
+    @property
+    def is_livox(self) -> bool:
+        """It is."""
+        return True
+
+    def read_scan(self, index: int) -> LidarScan:
+        """Decode one frame.
+
+        Raises:
+            RecordingError: it cannot be read any more.
+        """
+        return self.scans.read(index)
+
+
+def open_recording(location: str | Path, options: RecordingOptions | None = None) -> Recording:
+    """Open an LVX file; camera, images and poses come from files beside it.
+
+    Args:
+        location: the file.
+        options: what the user says about it; ``lidar_topic`` names the device where several are.
+
+    Raises:
+        RecordingError: it is no LVX file, damaged, or lacks what a build needs.
+        UsageError: an option does not fit, or one is needed.
+    """
+    path, options = Path(location), options or RecordingOptions()
+    _, index, notes = _opened(path, options)
+    source = LidarSource(
+        name=path.stem,
+        scans=index.scans,
+        sources=(file_source(path, "lvx"),),
+        in_map=False,
+        lidar_name=index.scans.device.name,
+        notes=notes,
+        where=path,
+    )
+    return assemble_lidar_only(source, options)
+
+
+def open_motion(location: str | Path, options: RecordingOptions | None = None) -> LvxMotion:
+    """Open LiDAR and IMU of an LVX file.
+
+    Args:
+        location: the file.
+        options: what the user says about it.
+
+    Raises:
+        RecordingError: it is no LVX file, damaged, or has no IMU.
+        UsageError: an option does not fit, or one is needed.
+    """
+    path, options = Path(location), options or RecordingOptions()
+    header, index, notes = _opened(path, options)
+    roles = FrameTree()
+    for (a, b), T_a_b in options.rig.extrinsics.items():
+        roles.link(a, b, T_a_b)
+    return LvxMotion(
+        name=path.stem,
+        sources=(file_source(path, "lvx"),),
+        notes=notes,
+        scans=index.scans,
+        imu=read_imu(path, header, index.scans.device),
+        T_imu_lidar=roles.find("imu", "lidar"),
+    )
+
+
+def _opened(path: Path, options: RecordingOptions) -> tuple[LvxHeader, Index, RecordingNotes]:
+    refuse_topics(options, "scan_times", "point_time", where=path)
+    if options.scans_in == "map":
+        raise UsageError(
+            "an LVX file holds what the LiDAR measured, in its own frame",
+            where=path,
+            fix="leave --scans-in out",
+        )
+    try:
+        with path.open("rb") as file:
+            start = file.read(_HEADER_BYTES)
+        header = read_lvx_header(start, where=path)
+        index = index_scans(path, header, options.lidar_topic)
+    except OSError as error:
+        raise RecordingError(
+            f"the recording cannot be read: {error.strerror or error}",
+            where=path,
+            fix="check the path, the disk and the file's permissions",
+        ) from error
+    notes = RecordingNotes(
+        salvage=_judge(index, options, path), warnings=index.warnings, counts=index.counts
+    )
+    return header, index, notes
+
+
+def _judge(index: Index, options: RecordingOptions, path: Path) -> str | None:
+    """Return what was lost, in words; None when nothing was.
+
+    Raises:
+        RecordingError: something was lost, and the user did not ask to go on without it.
+    """
+    if not index.damage:
+        return None
+    said = "; ".join(index.damage[:_SAID_AT_MOST])
+    if len(index.damage) > _SAID_AT_MOST:
+        said += f"; and {len(index.damage) - _SAID_AT_MOST} more"
+    said = f"{said}; {len(index.scans.stamps_ns)} frames are readable"
+    if not options.salvage:
+        raise RecordingError(
+            f"the recording is damaged: {said}",
+            where=path,
+            fix="record or copy it again, or go on with what is readable: --salvage",
+        )
+    return said
