@@ -74,6 +74,7 @@ def plan_frames(recording: Recording, recipe: Recipe) -> Plan:
             (stamps_ns >= trajectory.start_ns) & (stamps_ns <= trajectory.end_ns),
         ),
         ("image-in-pose-gap", trajectory.covers(stamps_ns, max_gap_ns=gap_ns)),
+        ("image-pose-quality-low", _well_posed(recording, recipe, stamps_ns)),
     ):
         _drop(usable, keep, dropped, reason)
     # Last, so that one stray stamp outside the trajectory does not cost the images after it.
@@ -83,7 +84,7 @@ def plan_frames(recording: Recording, recipe: Recipe) -> Plan:
         raise RecordingError(
             f"none of the {len(stamps_ns)} images has a pose: {in_words(dropped)}",
             where=recording.name,
-            fix="check the camera's time offset, or raise poses.max_gap_s",
+            fix="check the camera's time offset, raise poses.max_gap_s, or lower poses.min_quality",
         )
     T_map_camera = compose(
         trajectory.transforms_at(stamps_ns[indices]), recording.rig.T_body_camera
@@ -101,6 +102,27 @@ def plan_frames(recording: Recording, recipe: Recipe) -> Plan:
         for k in kept
     )
     return Plan(frames=frames, images_seen=len(stamps_ns), dropped=dropped)
+
+
+def _well_posed(
+    recording: Recording, recipe: Recipe, stamps_ns: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Tell the images whose pose is good enough.
+
+    Raises:
+        RecordingError: the recipe asks for a quality, and nobody judged the poses.
+    """
+    if recipe.poses.min_quality <= 0:
+        return np.ones(len(stamps_ns), dtype=np.bool_)
+    if recording.trajectory.quality is None:
+        raise RecordingError(
+            f"poses.min_quality is {recipe.poses.min_quality:g}, but the poses have no quality",
+            where=recording.name,
+            fix="compute poses with `civil-rgbd poses`, which writes POSES.quality.csv beside them "
+            "(keep the two files together), or set poses.min_quality = 0",
+        )
+    good: NDArray[np.bool_] = recording.trajectory.quality_at(stamps_ns) >= recipe.poses.min_quality
+    return good
 
 
 def _drop(

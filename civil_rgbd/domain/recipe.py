@@ -57,9 +57,11 @@ class PosesStage:
 
     Attributes:
         max_gap_s: points and images between two poses further apart are dropped and counted.
+        min_quality: images at poses of lower quality are dropped and counted; 0 asks for none.
     """
 
     max_gap_s: float = 0.25
+    min_quality: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,11 +20,13 @@ class Trajectory:
         stamps_ns: (P,) int64, LiDAR clock, strictly increasing.
         translations_m: (P, 3) float64, map frame.
         quaternions_xyzw: (P, 4) float64, unit, w >= 0.
+        quality: (P,) float64, larger is better, 0 or more; None where nobody judged the poses.
     """
 
     stamps_ns: NDArray[np.int64]
     translations_m: NDArray[np.float64]
     quaternions_xyzw: NDArray[np.float64]
+    quality: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         count = len(self.stamps_ns)
@@ -48,6 +50,11 @@ class Trajectory:
         norms = np.sqrt((self.quaternions_xyzw**2).sum(axis=1))
         if not (np.abs(norms - 1) <= UNIT_NORM_TOLERANCE).all():
             raise ValueError("a quaternion is not of norm 1")
+        if self.quality is not None:
+            if self.quality.shape != (count,):
+                raise ValueError(f"{count} stamps, but qualities {self.quality.shape}")
+            if not (np.isfinite(self.quality) & (self.quality >= 0)).all():
+                raise ValueError("a quality is negative or not finite")
 
     @property
     def start_ns(self) -> int:
@@ -118,6 +125,27 @@ class Trajectory:
         """Return ``T_map_body`` (M, 4, 4) float64 at (M,) int64 stamps inside the trajectory."""
         translations, quaternions = self.at(stamps_ns)
         return transform_from(matrix_from_quaternion(quaternions), translations)
+
+    def quality_at(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the quality of poses between poses: that of the worse neighbour.
+
+        Args:
+            stamps_ns: (M,) int64; outside of the trajectory the quality is 0.
+
+        Returns:
+            (M,) float64.
+
+        Raises:
+            ValueError: nobody judged these poses.
+        """
+        if self.quality is None:
+            raise ValueError("the trajectory has no quality")
+        before, after = self._neighbours(stamps_ns)
+        at_a_pose = self.stamps_ns[before] == stamps_ns
+        worse = np.minimum(self.quality[before], self.quality[np.where(at_a_pose, before, after)])
+        within = (stamps_ns >= self.start_ns) & (stamps_ns <= self.end_ns)
+        judged: NDArray[np.float64] = np.where(within, worse, 0.0)
+        return judged
 
     def _neighbours(
         self, stamps_ns: NDArray[np.int64]

@@ -96,6 +96,33 @@ def test_images_in_a_gap_of_the_trajectory_are_counted() -> None:
     assert lenient.dropped == {}
 
 
+def judged(quality: list[float]) -> Trajectory:
+    """Poses at 0, 0.1, 0.2 ... s with these qualities."""
+    return replace(walking(), quality=np.array(quality + [1.0] * (101 - len(quality))))
+
+
+def test_images_at_poses_of_low_quality_are_counted_the_worse_neighbour_decides() -> None:
+    recipe = replace(EVERY_IMAGE, poses=PosesStage(min_quality=0.5))
+    trajectory = judged([0.5, 0.5, 0.4, 0.9])
+
+    plan = planned([0.05, 0.1, 0.15, 0.2, 0.25, 0.3], recipe, trajectory=trajectory)
+
+    assert kept(plan) == [0, 1, 5]
+    assert plan.dropped == {"image-pose-quality-low": 3}
+
+
+def test_without_a_limit_nobody_asks_for_quality() -> None:
+    assert kept(planned([0.05, 0.15], trajectory=judged([0.0, 0.0, 0.0]))) == [0, 1]
+    assert kept(planned([0.05, 0.15])) == [0, 1]
+
+
+def test_a_limit_on_poses_that_nobody_judged_is_refused() -> None:
+    with pytest.raises(RecordingError, match=r"min_quality is 0\.5, but the poses have no") as info:
+        planned([0.05], replace(EVERY_IMAGE, poses=PosesStage(min_quality=0.5)))
+
+    assert "civil-rgbd poses" in info.value.fix
+
+
 def test_images_whose_stamps_do_not_ascend_are_counted() -> None:
     plan = planned([1.0, 3.0, 3.0, 2.0, 4.0])
 

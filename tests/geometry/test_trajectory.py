@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -237,3 +238,32 @@ def test_impossible_trajectories_are_refused(
 ) -> None:
     with pytest.raises(ValueError, match=words):
         trajectory_of(at, positions, quaternions)
+
+
+def test_the_quality_between_two_poses_is_the_worse_ones_and_at_a_pose_its_own() -> None:
+    path = trajectory_of([10, 20, 30], [(0, 0, 0)] * 3)
+    trajectory = replace(path, quality=np.array([0.5, 0.2, 0.9]))
+
+    asked = stamps(9, 10, 11, 20, 21, 30, 31)
+
+    assert trajectory.quality_at(asked).tolist() == [0.0, 0.5, 0.2, 0.2, 0.2, 0.9, 0.0]
+
+
+def test_poses_that_nobody_judged_have_no_quality() -> None:
+    with pytest.raises(ValueError, match="has no quality"):
+        trajectory_of([10], [(0, 0, 0)]).quality_at(stamps(10))
+
+
+@pytest.mark.parametrize(
+    ("quality", "message"),
+    [
+        ([0.5], "2 stamps, but qualities"),
+        ([0.1, -0.1], "negative"),
+        ([0.1, math.nan], "not finite"),
+    ],
+)
+def test_an_impossible_quality_is_refused(quality: list[float], message: str) -> None:
+    path = trajectory_of([10, 20], [(0, 0, 0)] * 2)
+
+    with pytest.raises(ValueError, match=message):
+        replace(path, quality=np.array(quality))
