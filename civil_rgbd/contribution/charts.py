@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-WIDTH: Final = 680
-HEIGHT: Final = 220
+WIDTH: Final = 540
+HEIGHT: Final = 210
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 16, 12, 44
 _LINE: Final = "#1f4e8c"
 _BAR: Final = "#5b8cc0"
@@ -38,8 +38,8 @@ class Axis:
 
     @property
     def ticks(self) -> list[float]:
-        """Some four to seven round values inside."""
-        step = round_step((self.high - self.low) / 5)
+        """Some three to eight round values inside."""
+        step = round_step((self.high - self.low) / 7)
         first, last = math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9)
         return [number * step for number in range(first, last + 1)]
 
@@ -188,15 +188,17 @@ def track_chart(
         colours: from the walk's beginning to its end.
     """
     low, high = track_m.min(axis=0), track_m.max(axis=0)
-    inner_px, margin_px = WIDTH - 120.0, 60.0
+    width, margin_px = 1.4 * WIDTH, 60.0
     span_m = np.maximum(high - low, 1e-3)
-    scale = min(inner_px / span_m[0], 420.0 / span_m[1])  # pixels a metre, the same both ways
+    scale = min(
+        (width - 2 * margin_px) / span_m[0], 420.0 / span_m[1]
+    )  # pixels a metre, the same both ways
     height = max(span_m[1] * scale, 60.0) + 2 * margin_px
     centre_m = (low + high) / 2
 
     def place(point_m: NDArray[np.float64]) -> tuple[float, float]:
         x, y = (point_m - centre_m) * scale
-        return WIDTH / 2 + float(x), height / 2 - float(y)
+        return width / 2 + float(x), height / 2 - float(y)
 
     keep = np.unique(np.linspace(0, len(track_m) - 1, min(len(track_m), 400)).astype(int))
     places = [place(track_m[i]) for i in keep]
@@ -209,7 +211,7 @@ def track_chart(
         )
     parts += _ends(places[0], places[-1])
     parts.append(_scale_bar(scale, height))
-    return svg("".join(parts), WIDTH, round(height), "track of the camera in the map, from above")
+    return svg("".join(parts), width, round(height), "track of the camera in the map, from above")
 
 
 def _ray(at: tuple[float, float], direction: NDArray[np.float64]) -> str:

@@ -27,7 +27,7 @@ from civil_rgbd.contribution.pictures import (
     scale_uri,
     share_map_uri,
 )
-from civil_rgbd.contribution.statements import statement_rows
+from civil_rgbd.contribution.statements import making_rows, statement_rows
 from civil_rgbd.format.reader import Bridge
 from civil_rgbd.validation.report import Report
 
@@ -71,12 +71,16 @@ def report_page(bridge: Bridge, report: Report, archive: ArchiveWords) -> str:
     body = [
         f"<h1>{escape(title)}<small>{escape(info.name or '')}</small></h1>",
         _at_a_glance(bridge, report, track),
-        _section("What the contributor states", _table(statement_rows(bridge.manifest))),
         _section("Findings", _findings(report)),
-        _section("Track", *_track(bridge, track)),
+        _section("What the contributor states", _table(statement_rows(bridge.manifest))),
+        _section("Track", _track(bridge, track)),
         _section(f"{SHOWN_FRAMES} frames, evenly spread", *_frames(bridge, depth)),
-        _section("Coverage, density and range", *_depth(depth)),
-        _section("Health", *_health(bridge, track)),
+        _section(
+            f"Coverage, density and range of {depth.frames} frames, evenly spread",
+            _charts(_depth(depth)),
+        ),
+        _section("Health", _spacing_table(track), _charts(_health(bridge, track))),
+        _section("How it was made", _table(making_rows(bridge.manifest))),
         _section("What was counted", _table(_counts(bridge))),
         _section("Archive", *_archive(archive)),
     ]
@@ -101,6 +105,10 @@ def _table(rows: Rows) -> str:
     return "<table>" + "".join(cells) + "</table>"
 
 
+def _charts(figures: Iterable[str]) -> str:
+    return '<div class="charts">' + "\n".join(figures) + "</div>"
+
+
 def _figure(drawing: str, words: str) -> str:
     return f"<figure>{drawing}<figcaption>{escape(words)}</figcaption></figure>"
 
@@ -110,16 +118,16 @@ def _image(uri: str, words: str, kind: str = "") -> str:
 
 
 def _at_a_glance(bridge: Bridge, report: Report, track: Track) -> str:
-    manifest = bridge.manifest
+    manifest, shares = bridge.manifest, [row.valid_share for row in bridge.rows]
     values = [
         ("frames", f"{len(bridge.rows):,}"),
         ("walked", f"{track.along_m[-1]:,.1f} m in {track.seconds[-1]:,.1f} s"),
         ("image", f"{bridge.camera.width_px} x {bridge.camera.height_px}"),
-        ("depth in", f"{np.mean([row.valid_share for row in bridge.rows]):.1%} of the pixels"),
+        ("depth in", f"{_percent(float(np.mean(shares)))} of the pixels"),
         ("recipe", manifest.recipe.name if manifest.recipe else "none"),
         ("origin", manifest.origin),
         ("licence", manifest.info.licence),
-        ("findings", f"{report.errors} errors, {report.warnings} warnings"),
+        ("findings", f"errors: {report.errors}, warnings: {report.warnings}"),
     ]
     cells = (f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in values)
     return "<dl>" + "".join(cells) + "</dl>"
@@ -134,18 +142,13 @@ def _findings(report: Report) -> str:
     )
 
 
-def _track(bridge: Bridge, track: Track) -> Iterator[str]:
+def _track(bridge: Bridge, track: Track) -> str:
     up = "map_up" if bridge.manifest.map_up else "z, since map_up is not known"
-    yield _figure(
+    return _figure(
         track_chart(track.plan_m, track.looking, scale_colours(64)),
         f"From above (up is {up}); dark is early, light is late; grey rays: where the camera "
         "looked.",
     )
-    if len(track.seconds) > 1:
-        x, y = axis_over(track.along_m, "along the walk, m"), axis_over(track.height_m, "height, m")
-        yield _figure(
-            line_chart(track.along_m, track.height_m, x, y), "Height above the first frame."
-        )
 
 
 def _frames(bridge: Bridge, depth: DepthFigures) -> Iterator[str]:
@@ -153,14 +156,16 @@ def _frames(bridge: Bridge, depth: DepthFigures) -> Iterator[str]:
     scale = _image(scale_uri(), "scale of colours", "scale")
     yield (
         f'<p class="legend">{far_m:.1f} m {scale} {near_m:.1f} m'
-        " &nbsp; grey: nothing measured. Edges of structure and colours should agree.</p>"
+        " &nbsp; Grey: nothing measured. Measured pixels are drawn larger than they are. "
+        "Edges of the structure and of the colours should agree.</p>"
     )
     first_ns = bridge.rows[0].stamp_ns
     for row in spread(bridge.rows, SHOWN_FRAMES):
         rgb, depth_m = bridge.read_rgb(row), bridge.read_depth(row)
         words = (
             f"frame {row.frame_id}, {(row.stamp_ns - first_ns) / NS_PER_S:.1f} s: depth in "
-            f"{row.valid_share:.1%} of the pixels, {row.depth_min_m:.2f} to {row.depth_max_m:.2f} m"
+            f"{_percent(row.valid_share)} of the pixels, "
+            f"{row.depth_min_m:.2f} to {row.depth_max_m:.2f} m"
         )
         pair = _image(frame_uri(rgb), f"colour of frame {row.frame_id}") + _image(
             overlay_uri(rgb, depth_m, depth.near_far_m), f"depth of frame {row.frame_id}"
@@ -171,12 +176,11 @@ def _frames(bridge: Bridge, depth: DepthFigures) -> Iterator[str]:
 def _depth(depth: DepthFigures) -> Iterator[str]:
     highest = float(depth.coverage.max())
     scale = _image(scale_uri(), "scale of colours", "scale")
-    yield f"<p>From {depth.frames} frames, evenly spread.</p>"
     yield (
-        "<figure>"
+        '<figure class="tall">'
         + _image(share_map_uri(depth.coverage, highest), "coverage by place in the image", "map")
-        + f'<figcaption><span class="legend">0 % {scale} {highest:.0%}</span> &nbsp; Coverage: '
-        "share of measured pixels, by their place in the image.</figcaption></figure>"
+        + f'<figcaption><span class="legend">0 % {scale} {_percent(highest)}</span> &nbsp; '
+        "Coverage: share of measured pixels, by their place in the image.</figcaption></figure>"
     )
     yield _figure(
         histogram(
@@ -184,7 +188,7 @@ def _depth(depth: DepthFigures) -> Iterator[str]:
             depth.density_shares,
             f"measured pixels in a block of {BLOCK_PX} x {BLOCK_PX}, %",
         ),
-        f"Density, over the blocks that hold any depth; {depth.empty_blocks:.0%} hold none.",
+        f"Density, over the blocks that hold any depth; {_percent(depth.empty_blocks)} hold none.",
     )
     yield _figure(
         histogram(depth.range_edges_m, depth.range_shares, "depth, m"),
@@ -192,17 +196,22 @@ def _depth(depth: DepthFigures) -> Iterator[str]:
     )
 
 
+def _spacing_table(track: Track) -> str:
+    if len(track.seconds) < 2:
+        return "<p>One frame: there is nothing between frames to look at.</p>"
+    speed = track.spacing_m / np.maximum(track.gap_s, 1e-9)
+    return _table(
+        [
+            ("spacing of frames", _spread_words(track.spacing_m, "m")),
+            ("time between frames", _spread_words(track.gap_s, "s")),
+            ("speed between frames", _spread_words(speed, "m/s")),
+        ]
+    )
+
+
 def _health(bridge: Bridge, track: Track) -> Iterator[str]:
     seconds = axis_over(track.seconds, "time since the first frame, s")
     if len(track.seconds) > 1:
-        speed = track.spacing_m / np.maximum(track.gap_s, 1e-9)
-        yield _table(
-            [
-                ("spacing of frames", _spread_words(track.spacing_m, "m")),
-                ("time between frames", _spread_words(track.gap_s, "s")),
-                ("speed between frames", _spread_words(speed, "m/s")),
-            ]
-        )
         spacing = axis_over(track.spacing_m, "spacing, m", from_zero=True)
         yield _figure(
             line_chart(track.seconds[1:], track.spacing_m, seconds, spacing),
@@ -213,13 +222,21 @@ def _health(bridge: Bridge, track: Track) -> Iterator[str]:
             line_chart(track.seconds[1:], track.gap_s, seconds, gap),
             "Time since the frame before: peaks are gaps in the poses, the images or the walk.",
         )
+        height = axis_over(track.height_m, "height, m")
+        yield _figure(
+            line_chart(track.seconds, track.height_m, seconds, height),
+            "Height above the first frame: a walk is level but for steps and slopes.",
+        )
     shares = 100 * np.array([row.valid_share for row in bridge.rows])
+    share = axis_over(shares, "pixels with depth, %", from_zero=True)
     yield _figure(
-        line_chart(
-            track.seconds, shares, seconds, axis_over(shares, "depth in, %", from_zero=True)
-        ),
+        line_chart(track.seconds, shares, seconds, share),
         "Share of pixels with depth, frame by frame.",
     )
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %"
 
 
 def _spread_words(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]], unit: str) -> str:

@@ -11,10 +11,9 @@ _NOT_SAID = "not said"
 
 
 def statement_rows(manifest: Manifest) -> Iterator[tuple[str, str]]:
-    """Yield what is stated, then what the build recorded: (what, words) each."""
+    """Yield what people state of the bridge, the sensors and the privacy: (what, words) each."""
     yield from _people(manifest.info)
     yield from _sensors(manifest)
-    yield from _making(manifest)
 
 
 def _people(info: BridgeInfo) -> Iterator[tuple[str, str]]:
@@ -66,7 +65,8 @@ def _sensors(manifest: Manifest) -> Iterator[tuple[str, str]]:
     yield "camera's clock", f"{rig.camera_time_offset_s:+.6f} s to the LiDAR's"
 
 
-def _making(manifest: Manifest) -> Iterator[tuple[str, str]]:
+def making_rows(manifest: Manifest) -> Iterator[tuple[str, str]]:
+    """Yield how the frames were made: (what, words) each."""
     recipe = manifest.recipe
     if recipe is not None:
         changed = ", ".join(f"{key} = {value}" for key, value in recipe.overrides.items())
