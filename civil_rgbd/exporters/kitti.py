@@ -2,8 +2,9 @@
 
 A bridge becomes a drive: ``ID/image_02/data/``, ``ID/proj_depth/groundtruth/image_02/`` (16-bit
 PNG, metres x 256, 0 = none). A line of a list is ``image depth focal``, paths from the export's
-folder: both programs join it to their ``data_path`` and ``gt_path`` (cleinc/bts ``bts_dataloader.py``,
-isl-org/ZoeDepth ``data_mono.py``). KITTI has no poses here; ours go to ``ID/poses.txt``.
+folder: both programs join it to their ``data_path`` and ``gt_path`` (``bts_dataloader.py`` of
+cleinc/bts, ``data_mono.py`` of isl-org/ZoeDepth). KITTI has no poses here; ours go to
+``ID/poses.txt``.
 """
 
 from __future__ import annotations

@@ -84,13 +84,18 @@ class Intrinsics:
             height_px=height_px,
             fx_px=self.fx_px * sx,
             fy_px=abs(self.fy_px) * sy,
-            cx_px=(self.cx_px + 0.5) * sx - 0.5,
-            cy_px=(self.cy_px + 0.5) * sy - 0.5,
+            cx_px=_resized(self.cx_px, sx),
+            cy_px=_resized(self.cy_px, sy),
         )
         if not self.distorts:
             return LensCamera(pinhole)
         model = "plumb_bob" if len(self.coefficients) <= 5 else "rational_polynomial"
         return LensCamera(pinhole, model, self.coefficients)
+
+
+def _resized(centre_px: float, scale: float) -> float:
+    # Unscaled it stays to the last bit, which adding and taking away half a pixel may change.
+    return centre_px if scale == 1 else (centre_px + 0.5) * scale - 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
