@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Final
 
 from civil_rgbd.constants import NS_PER_S
-from civil_rgbd.domain.inspection import RecordingSummary, TopicSummary
+from civil_rgbd.domain.inspection import CloudFacts, RecordingSummary, TopicSummary
 from civil_rgbd.geometry.words import extrinsics_in_words
 from civil_rgbd.health.clocks import clock_in_words
 from civil_rgbd.health.findings import Finding
@@ -15,8 +15,10 @@ from civil_rgbd.health.findings import Finding
 _ROLES: Final = ("lidar", "image", "camera_info", "pose", "imu", "tf")
 _SHOWN_TOPICS: Final = 12
 _SHOWN_OF_A_KIND: Final = 3
+_SHOWN_FIELDS: Final = 6
 _WIDEST_NAME: Final = 38
-_LATE_LOG_NS: Final = NS_PER_S
+_PROMPT_NS: Final = NS_PER_S // 1000
+_ANOTHER_CLOCK_NS: Final = 1000 * NS_PER_S  # no message travels a quarter of an hour
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,9 +134,7 @@ def _holds(topic: TopicSummary) -> str:
     if topic.fault is not None:
         return "broken messages"
     if topic.cloud is not None:
-        names = " ".join(name for name, _ in topic.cloud.fields)
-        time = topic.cloud.point_time or ("unclear" if topic.cloud.unclear_time else "none")
-        return f"{topic.cloud.points} points: {names}; point time: {time}"
+        return _cloud_in_words(topic.cloud)
     if topic.image is not None:
         size = f" {topic.image.width_px}x{topic.image.height_px}" if topic.image.width_px else ""
         return f"{topic.image.encoding}{size}{'' if topic.image.photograph else ' (depth)'}"
@@ -145,6 +145,16 @@ def _holds(topic: TopicSummary) -> str:
         child = next((name for name in topic.children if name), "?")
         return f"{topic.frames[0] if topic.frames else '?'} -> {child}"
     return ""
+
+
+def _cloud_in_words(cloud: CloudFacts) -> str:
+    time_field = (cloud.point_time or "").partition(",")[0]
+    names = [name for name, _ in cloud.fields if name != time_field]
+    more = f" +{len(names) - _SHOWN_FIELDS}" if len(names) > _SHOWN_FIELDS else ""
+    times = f"times: {cloud.point_time}" if cloud.point_time else "no point times"
+    if cloud.unclear_time:
+        times = "times unclear"
+    return f"{cloud.points} points: {' '.join(names[:_SHOWN_FIELDS])}{more}; {times}"
 
 
 def _clock_lines(summary: RecordingSummary) -> Iterator[str]:
@@ -168,9 +178,9 @@ def _lateness(topic: TopicSummary) -> str:
     if topic.log_minus_stamp_ns is None:
         return ""
     least_ns, middle_ns, most_ns = topic.log_minus_stamp_ns
-    if max(abs(least_ns), abs(most_ns)) < 1_000_000:
+    if max(abs(least_ns), abs(most_ns)) < _PROMPT_NS:
         return ""
-    if abs(middle_ns) > 1000 * _LATE_LOG_NS:
+    if abs(middle_ns) > _ANOTHER_CLOCK_NS:
         return ", the recorder's clock is another"
     return f", recorded {middle_ns / NS_PER_S:.3f} s later (at most {most_ns / NS_PER_S:.3f})"
 
@@ -195,4 +205,4 @@ def _finding_lines(findings: tuple[Finding, ...]) -> Iterator[str]:
             yield f"{finding.level}: {finding.code}: {finding.message}"
         if len(same) > _SHOWN_OF_A_KIND:
             yield f"  ... and {len(same) - _SHOWN_OF_A_KIND} more (--json lists them)"
-        yield f"  fix: {same[0].fix}"
+        yield f"  {'fix' if same[0].level == 'error' else 'note'}: {same[0].fix}"
