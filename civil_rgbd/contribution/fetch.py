@@ -41,7 +41,8 @@ def require_pooch() -> ModuleType:
             where="civil-rgbd download",
             fix='pip install "civil-rgbd[contribute]"',
         ) from error
-    return pooch
+    module: ModuleType = pooch
+    return module
 
 
 def fetch_archive(
