@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @click.command("build")
-@click.argument("source", required=False)
+@click.argument("sources", nargs=-1, metavar="[SOURCE]...")
 @click.option(
     "--recipe",
     "recipe_name",
@@ -84,7 +84,7 @@ if TYPE_CHECKING:
 @click.option("--rectified", is_flag=True, help="The images are rectified: take P, no distortion.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 def command(
-    source: str | None,
+    sources: tuple[str, ...],
     *,
     recipe_name: str,
     settings: tuple[str, ...],
@@ -98,7 +98,7 @@ def command(
     rig_path: Path | None,
     **recording_options: object,
 ) -> None:
-    """Build a bridge folder from SOURCE, a raw recording.
+    """Build a bridge folder from SOURCE, a raw recording; or from its files, in order.
 
     Without SOURCE a small simulated scan of a girder bridge is built. A build that was stopped is
     gone on with by the same command.
@@ -115,12 +115,13 @@ def command(
     from civil_rgbd.trajectories.rig import read_rig
 
     recipe = load_recipe(recipe_name, settings)
-    location = source or _demo_recording()
-    bridge_id = bridge_id or ("demo" if source is None else Path(source).stem)
+    location = sources[0] if sources else _demo_recording()
+    bridge_id = bridge_id or (Path(sources[0]).stem if sources else "demo")
     require_free_id(dataset, bridge_id)
-    info = _info(bridge_id, bridge_info, licence, simulated=source is None)
+    info = _info(bridge_id, bridge_info, licence, simulated=not sources)
     rig = read_rig(rig_path) if rig_path else RigFile()
     options = RecordingOptions(rig=rig, **recording_options)  # type: ignore[arg-type]  # click hands them over by name
+    options = replace(options, more_files=tuple(map(Path, sources[1:])))
     recording = open_recording(location, options)
     with frame_bar(info.bridge_id) as on_progress:
         report = build_bridge(
