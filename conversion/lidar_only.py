@@ -162,15 +162,28 @@ def assemble_lidar_only(source: LidarSource, options: RecordingOptions) -> Lidar
         RecordingError: something that a build needs is missing or contradicts itself.
     """
     rig_file, where = options.rig, source.where
-    trajectory = _trajectory(options, where)
-    camera = _camera(options, where)
-    images = _images(options, where)
+    trajectory = options.trajectory
+    if trajectory is None:
+        raise UsageError(
+            "the source holds no poses",
+            where=where,
+            fix="give them in a file: --trajectory poses.tum --pose-of lidar",
+        )
+    require_body(options, where=where)
+    camera = camera_of_rig(options, where=where)
+    images = images_beside(options)
+    if images is None:
+        raise UsageError(
+            "the source holds no images",
+            where=where,
+            fix="give them as a folder with a time list: --images FOLDER --image-times FILE",
+        )
     frame = "map" if source.in_map else "lidar"
     frames = Frames(map="map", body="", lidar=frame, camera="camera", pose_of=options.pose_of)
     mounting = mount(frames, FrameTree(), rig_file, where=where)
     recording = LidarOnlyRecording(
         name=source.name,
-        sources=source.sources + _sources_beside(options, images),
+        sources=source.sources + sources_beside(options, images),
         notes=source.notes,
         rig=Rig(
             camera=camera,
@@ -197,17 +210,6 @@ def assemble_lidar_only(source: LidarSource, options: RecordingOptions) -> Lidar
     return replace(recording, notes=_notes(recording, source, options))
 
 
-def _trajectory(options: RecordingOptions, where: object) -> Trajectory:
-    if options.trajectory is None:
-        raise UsageError(
-            "the source holds no poses",
-            where=where,
-            fix="give them in a file: --trajectory poses.tum --pose-of lidar",
-        )
-    require_body(options, where=where)
-    return options.trajectory
-
-
 def require_body(options: RecordingOptions, *, where: object) -> None:
     """Refuse poses from a file that nobody says whose poses they are.
 
@@ -223,7 +225,12 @@ def require_body(options: RecordingOptions, *, where: object) -> None:
         )
 
 
-def _camera(options: RecordingOptions, where: object) -> LensCamera:
+def camera_of_rig(options: RecordingOptions, *, where: object) -> LensCamera:
+    """Return the camera of the rig file.
+
+    Raises:
+        RecordingError: it has none.
+    """
     camera = options.rig.camera
     if camera is None:
         raise RecordingError(
@@ -234,23 +241,38 @@ def _camera(options: RecordingOptions, where: object) -> LensCamera:
     return LensCamera(camera.pinhole) if options.rectified or options.rig.rectified else camera
 
 
-def _images(options: RecordingOptions, where: object) -> ImageFolder:
-    if options.images is None:
+def images_beside(options: RecordingOptions) -> ImageFolder | None:
+    """Return the images of a folder, where the user gives one.
+
+    Raises:
+        RecordingError: there are no images or stamps, or they do not belong to each other.
+        UsageError: a time list is given without images.
+    """
+    if options.images is None and options.image_times is not None:
         raise UsageError(
-            "the source holds no images",
-            where=where,
-            fix="give them as a folder with a time list: --images FOLDER --image-times FILE",
+            "--image-times gives stamps, but there are no images",
+            where=options.image_times,
+            fix="give their folder: --images FOLDER",
         )
+    if options.images is None:
+        return None
     return open_images(options.images.absolute(), options.image_times)
 
 
-def _sources_beside(options: RecordingOptions, images: ImageFolder) -> tuple[SourceFile, ...]:
-    folder = images.paths[0].parent
-    beside = (
-        *options.trajectory_sources,
-        folder_source(folder, images.paths, "images"),
-        file_source(images.times, "times"),
-    )
+def sources_beside(options: RecordingOptions, images: ImageFolder | None) -> tuple[SourceFile, ...]:
+    """Return the files that lie beside a source: poses, images, time lists.
+
+    Args:
+        options: with the files of the trajectory.
+        images: of a folder; None when the source has its own.
+
+    Raises:
+        RecordingError: a file cannot be read.
+    """
+    beside = list(options.trajectory_sources)
+    if images is not None:
+        beside.append(folder_source(images.paths[0].parent, images.paths, "images"))
+        beside.append(file_source(images.times, "times"))
     return tuple(dict.fromkeys(beside))  # one list may stamp images and poses
 
 

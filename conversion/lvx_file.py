@@ -7,7 +7,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,15 +106,16 @@ def read_lvx_header(start: bytes, *, where: Path) -> LvxHeader:
             fix="record or copy it again",
         )
     places = range(first_at, data_at, layout.size)
-    devices = tuple(_device(layout.unpack_from(start, at), second, where) for at in places)
+    devices = tuple(
+        _device(layout.unpack_from(start, at), second=second, where=where) for at in places
+    )
     return LvxHeader(second, devices, data_at)
 
 
-def _device(values: tuple[object, ...], second: bool, where: Path) -> Device:  # noqa: FBT001  # which of two layouts
-    code = bytes(values[0]).split(b"\0")[0].decode("latin-1").strip()  # type: ignore[arg-type]  # as the layout has it
-    key, kind = int(values[2]), int(values[4 if second else 3])  # type: ignore[call-overload]  # same
-    enabled = bool(values[-7])
-    numbers = [float(value) for value in values[-6:]]  # type: ignore[arg-type]  # same
+def _device(values: tuple[Any, ...], *, second: bool, where: Path) -> Device:
+    code = values[0].split(b"\0")[0].decode("latin-1").strip()
+    key, kind = values[2], values[4 if second else 3]
+    enabled, numbers = bool(values[-7]), list(values[-6:])
     T_file_device = None
     if enabled and any(numbers):
         if not all(map(math.isfinite, numbers)):
@@ -146,7 +147,7 @@ def frames_of(
         if at + _FRAME.size > len(data):
             damage.append(f"it ends at byte {len(data)}, inside the header of frame {number}")
             return
-        here, following, _ = _FRAME.unpack_from(data, at)
+        here, following, _ = _FRAME.unpack(data[at : at + _FRAME.size].tobytes())
         if here != at or (following <= at + _FRAME.size - 1 and following):
             damage.append(
                 f"frame {number} at byte {at} says that it goes from {here} to {following}"

@@ -57,12 +57,12 @@ def _walk(data, second, payload_bytes, rows, stamps):  # type: ignore[no-untyped
     header = 27 if second else 19
     while at + header <= len(data) and count < len(rows):
         if second:
-            device = np.int64(_little(data, at + 1, 4))
-            stamp_type, stamp_at, kind = np.int64(data[at + 6]), at + 7, np.int64(data[at + 17])
-            length = np.int64(_little(data, at + 18, 4))
+            device = int(_little(data, at + 1, 4))
+            stamp_type, stamp_at, kind = int(data[at + 6]), at + 7, int(data[at + 17])
+            length = int(_little(data, at + 18, 4))
         else:
-            device = np.int64(data[at])
-            stamp_type, stamp_at, kind = np.int64(data[at + 9]), at + 11, np.int64(data[at + 10])
+            device = int(data[at])
+            stamp_type, stamp_at, kind = int(data[at + 9]), at + 11, int(data[at + 10])
             length = payload_bytes[kind]
         if length < 0 or at + header + length > len(data):
             break
@@ -113,8 +113,16 @@ class Packets:
 
     def among(self, chosen: NDArray[np.bool_]) -> Packets:
         """Return some of them."""
-        columns = (self.device, self.stamp_type, self.kind, self.place, self.length, self.stamps)
-        return Packets(self.data, *(column[chosen] for column in columns), self.end)  # type: ignore[arg-type]  # six arrays of two types
+        return Packets(
+            data=self.data,
+            device=self.device[chosen],
+            stamp_type=self.stamp_type[chosen],
+            kind=self.kind[chosen],
+            place=self.place[chosen],
+            length=self.length[chosen],
+            stamps=self.stamps[chosen],
+            end=self.end,
+        )
 
     def stamps_ns(self) -> NDArray[np.int64]:
         """(K,) nanoseconds, LiDAR clock.

@@ -250,8 +250,6 @@ def _warnings(device: Device) -> tuple[str, ...]:
     if device.T_file_device is None:
         return ()
     x, y, z = device.T_file_device[:3, 3]
-    return (
-        f"the file says to move the points of {device.code or device.name}, by x {x:.3f}, y "
-        f"{y:.3f}, z {z:.3f} m and a rotation; they are moved, and the rig's LiDAR frame is the "
-        "moved one",
-    )
+    moved = f"the points of {device.code or device.name} by x {x:.3f}, y {y:.3f}, z {z:.3f} m"
+    done = "this is done, and the rig's LiDAR frame is the moved one"
+    return (f"the file says to move {moved} and a rotation: {done}",)

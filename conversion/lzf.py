@@ -21,7 +21,7 @@ def _decompress(source, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, A
     """Fill ``out`` from ``source``, both (N,) uint8; return how much was written, -1 if broken."""
     i, o = 0, 0
     while i < len(source):
-        control = np.int64(source[i])
+        control = int(source[i])
         i += 1
         if control < 32:
             n = control + 1
@@ -35,11 +35,11 @@ def _decompress(source, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, A
             if n == 9:
                 if i >= len(source):
                     return -1
-                n += np.int64(source[i])
+                n += int(source[i])
                 i += 1
             if i >= len(source):
                 return -1
-            start = o - ((control & 31) << 8) - np.int64(source[i]) - 1
+            start = o - ((control & 31) << 8) - int(source[i]) - 1
             i += 1
             if start < 0 or o + n > len(out):
                 return -1

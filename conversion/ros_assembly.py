@@ -9,6 +9,14 @@ from civil_rgbd.conversion.camera_info import CameraInfo, camera_from_info, pars
 from civil_rgbd.conversion.cdr import decoding
 from civil_rgbd.conversion.clocks import check_overlap
 from civil_rgbd.conversion.gathering import GatheredLivox, GatheredPaths, GatheredPoses
+from civil_rgbd.conversion.image_folder import ImageFolder
+from civil_rgbd.conversion.lidar_only import (
+    camera_of_rig,
+    images_beside,
+    require_body,
+    sources_beside,
+    trajectory_remarks,
+)
 from civil_rgbd.conversion.livox import LIVOX_TIME
 from civil_rgbd.conversion.mounting import BODIES, Frames, mount
 from civil_rgbd.conversion.point_clouds import parse_cloud
@@ -85,12 +93,13 @@ def assemble(opened: Opened, options: RecordingOptions) -> RosRecording:
     _check_pose_of(options)
     rig_file = options.rig
     lidar = choose_lidar(table, options, where=where)
-    images = choose_images(table, options, where=where)
+    folder = images_beside(options)
+    images = None if folder else choose_images(table, options, where=where)
     camera, camera_frame, camera_warnings = _camera(opened, options, rig_file, images)
     tf = transforms_from(*transforms_gathered(table, options))
     poses = _poses(opened, options, tf, lidar, images)
     frames = Frames(
-        map=poses.parent,
+        map=_map_frame(poses.parent, lidar.gathered.frame, options),
         body=poses.child,
         lidar=lidar.gathered.frame,
         camera=camera_frame,
@@ -102,7 +111,7 @@ def assemble(opened: Opened, options: RecordingOptions) -> RosRecording:
     point_time = point_time_of_scans(opened, options, scans)
     recording = RosRecording(
         name=opened.name,
-        sources=opened.sources,
+        sources=opened.sources + sources_beside(options, folder),
         notes=_notes(opened, rig_file, lidar, point_time, in_map=frames.in_map),
         rig=Rig(
             camera=camera,
@@ -116,13 +125,30 @@ def assemble(opened: Opened, options: RecordingOptions) -> RosRecording:
         trajectory=poses.trajectory,
         payloads=opened.payloads,
         scans=scans,
-        images=stream_of(images),
+        images=_image_source(folder, images),
         point_time=point_time if lidar.type_name not in LIVOX_TYPES else None,
         point_reach_ns=point_time.reach_ns if point_time else NO_REACH,
         in_map=frames.in_map,
     )
     _check(recording, where)
-    return _with_warnings(recording, camera_warnings + poses.warnings + _tf_warnings(tf))
+    remarks = trajectory_remarks(recording.rig, options, recording.scan_stamps_ns)
+    remarks = camera_warnings + poses.warnings + remarks + _tf_warnings(tf)
+    return _with_warnings(recording, remarks)
+
+
+def _image_source(folder: ImageFolder | None, images: Topic | None) -> Stream | ImageFolder:
+    if images is not None:
+        return stream_of(images)
+    if folder is None:
+        raise RuntimeError("images come from a topic or from a folder")
+    return folder
+
+
+def _map_frame(parent: str, lidar_frame: str, options: RecordingOptions) -> str:
+    """Return the frame that poses are relative to; the user may say that the clouds are in it."""
+    if options.scans_in is None:
+        return parent
+    return lidar_frame if options.scans_in == "map" else ""
 
 
 def stream_of(topic: Topic) -> Stream:
@@ -141,13 +167,12 @@ def _check_pose_of(options: RecordingOptions) -> None:
 
 
 def _camera(
-    opened: Opened, options: RecordingOptions, rig_file: RigFile, images: Topic
+    opened: Opened, options: RecordingOptions, rig_file: RigFile, images: Topic | None
 ) -> tuple[LensCamera, str, tuple[str, ...]]:
     """Return the camera, its frame, and what is odd about it."""
-    frame = images.gathered.frame
-    if rig_file.camera is not None:
-        camera = rig_file.camera
-        return (LensCamera(camera.pinhole) if options.rectified else camera), frame, ()
+    frame = images.gathered.frame if images else ""
+    if rig_file.camera is not None or images is None:
+        return camera_of_rig(options, where=opened.where), frame, ()
     gathered = choose_camera_info(opened.table, options, images, where=opened.where)
     info: CameraInfo | None = None
     if gathered is not None:
@@ -174,8 +199,10 @@ def _camera(
 
 
 def _poses(
-    opened: Opened, options: RecordingOptions, tf: Transforms, lidar: Topic, images: Topic
+    opened: Opened, options: RecordingOptions, tf: Transforms, lidar: Topic, images: Topic | None
 ) -> _Poses:
+    if options.trajectory is not None:
+        return _poses_from_file(options, options.trajectory, opened.where)
     topic = choose_poses(opened.table, options, where=opened.where)
     if topic is None:
         return _poses_from_tf(opened, tf, lidar, images)
@@ -205,6 +232,17 @@ def _poses(
     return _Poses(trajectory_from(stamps_ns, poses, where=where), gathered.frame, child)
 
 
+def _poses_from_file(options: RecordingOptions, trajectory: Trajectory, where: object) -> _Poses:
+    if options.pose_topic is not None:
+        raise UsageError(
+            "--pose-topic and --trajectory both give poses",
+            where=where,
+            fix="leave one of them out",
+        )
+    require_body(options, where=where)
+    return _Poses(trajectory, "", "")
+
+
 def _refuse_several(names: dict[str, int], what: str, where: object) -> None:
     if len(names) > 1:
         raise RecordingError(
@@ -215,9 +253,10 @@ def _refuse_several(names: dict[str, int], what: str, where: object) -> None:
         )
 
 
-def _poses_from_tf(opened: Opened, tf: Transforms, lidar: Topic, images: Topic) -> _Poses:
+def _poses_from_tf(opened: Opened, tf: Transforms, lidar: Topic, images: Topic | None) -> _Poses:
     links = link_that_carries(lidar.gathered.frame, tf)
-    links = links or link_that_carries(images.gathered.frame, tf)
+    if images is not None and not links:
+        links = link_that_carries(images.gathered.frame, tf)
     moving = ", ".join(f"{link.parent} -> {link.child}" for link in tf.moving) or "none"
     if len(links) != 1:
         raise no_poses(

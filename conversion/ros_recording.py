@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from civil_rgbd.conversion.cdr import CdrReader, decoding
 from civil_rgbd.conversion.gathering import MessageIndex
+from civil_rgbd.conversion.image_folder import ImageFolder, read_image_file
 from civil_rgbd.conversion.livox import scan_from_livox
 from civil_rgbd.conversion.point_clouds import scan_from_cloud
 from civil_rgbd.conversion.point_time import PointTime
@@ -64,7 +65,7 @@ class RosRecording:
         trajectory: ``T_map_body``, LiDAR clock.
         payloads: fetches messages.
         scans: the point clouds.
-        images: the images.
+        images: the images, of a topic or of a folder beside the recording.
         point_time: how a PointCloud2's time field is to be read; None for Livox messages, which
             know it themselves, and for clouds without.
         point_reach_ns: how far point stamps may lie from their header's.
@@ -78,7 +79,7 @@ class RosRecording:
     trajectory: Trajectory
     payloads: Payloads
     scans: Stream
-    images: Stream
+    images: Stream | ImageFolder
     point_time: PointTime | None
     point_reach_ns: tuple[int, int]
     in_map: bool
@@ -86,7 +87,8 @@ class RosRecording:
     @property
     def image_stamps_ns(self) -> NDArray[np.int64]:
         """(I,) header stamps of all images, camera clock, message order."""
-        return self.images.index.stamps_ns
+        images = self.images
+        return images.stamps_ns if isinstance(images, ImageFolder) else images.index.stamps_ns
 
     @property
     def scan_stamps_ns(self) -> NDArray[np.int64]:
@@ -114,12 +116,15 @@ class RosRecording:
             ImageDecodeError: this one image cannot be decoded; others may.
             RecordingError: the images do not fit the camera.
         """
-        payload = self.payloads.fetch(*self.images.index.place(index))
-        where = f"{self._where(self.images)}, image {index}"
+        stamp_ns, images = int(self.image_stamps_ns[index]), self.images
+        if isinstance(images, ImageFolder):
+            return read_image_file(images.paths[index], index, stamp_ns, self.rig.camera)
+        payload = self.payloads.fetch(*images.index.place(index))
+        where = f"{self._where(images)}, image {index}"
         with decoding(f"image {index}", where=where):
-            compressed = self.images.type_name == "sensor_msgs/CompressedImage"
+            compressed = images.type_name == "sensor_msgs/CompressedImage"
             decode = rgb_from_compressed if compressed else rgb_from_image
-            rgb = decode(payload, where=where, read=self.images.read)
+            rgb = decode(payload, where=where, read=images.read)
         camera = self.rig.camera.pinhole
         if rgb.shape[:2] != (camera.height_px, camera.width_px):
             raise RecordingError(
@@ -129,7 +134,7 @@ class RosRecording:
                 fix="choose the CameraInfo of this camera (--camera-info-topic), or give the "
                 "camera in a rig file (--rig)",
             )
-        return CameraImage(index, int(self.images.index.stamps_ns[index]), rgb)
+        return CameraImage(index, stamp_ns, rgb)
 
     def _where(self, stream: Stream) -> str:
         return f"{self.sources[0].name}: {stream.topic}"

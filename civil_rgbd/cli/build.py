@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from civil_rgbd.cli.beside import options_beside, read_beside
+
 if TYPE_CHECKING:
     from civil_rgbd.domain.bridge import BridgeInfo
 
@@ -67,8 +69,9 @@ if TYPE_CHECKING:
 @click.option(
     "--pose-of",
     type=click.Choice(["camera", "lidar", "imu"]),
-    help="What PoseStamped and Path poses are poses of.",
+    help="What poses are poses of: PoseStamped, Path, and most trajectory files do not say it.",
 )
+@options_beside
 @click.option(
     "--rig",
     "rig_path",
@@ -120,7 +123,7 @@ def command(
     require_free_id(dataset, bridge_id)
     info = _info(bridge_id, bridge_info, licence, simulated=not sources)
     rig = read_rig(rig_path) if rig_path else RigFile()
-    options = RecordingOptions(rig=rig, **recording_options)  # type: ignore[arg-type]  # click hands them over by name
+    options = RecordingOptions(rig=rig, **read_beside(recording_options))
     options = replace(options, more_files=tuple(map(Path, sources[1:])))
     recording = open_recording(location, options)
     with frame_bar(info.bridge_id) as on_progress:

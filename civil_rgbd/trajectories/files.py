@@ -80,6 +80,7 @@ def read_trajectory(
     *,
     format: str | None = None,  # noqa: A002  # the word of the option
     times_path: Path | None = None,
+    image_times: Path | None = None,
     metric_scale: float | None = None,
     time_offset_ns: int = 0,
     images: Path | None = None,
@@ -89,6 +90,7 @@ def read_trajectory(
         path,
         format=format,
         times_path=times_path,
+        image_times=image_times,
         metric_scale=metric_scale,
         time_offset_ns=time_offset_ns,
         images=images,
@@ -100,6 +102,7 @@ def read_trajectory_file(
     *,
     format: str | None = None,  # noqa: A002  # the word of the option
     times_path: Path | None = None,
+    image_times: Path | None = None,
     metric_scale: float | None = None,
     time_offset_ns: int = 0,
     images: Path | None = None,
@@ -111,6 +114,8 @@ def read_trajectory_file(
         format: key of :data:`FORMATS`; None tells it by the content.
         times_path: stamps of the poses of KITTI (one a line), the lab (one for each id) and COLMAP
             (by image name).
+        image_times: stamps of images, taken for poses of images (COLMAP, the lab) when
+            ``times_path`` is not given.
         metric_scale: metres in one unit of the file; needed for COLMAP.
         time_offset_ns: added to the file's stamps to reach the LiDAR's clock.
         images: the folder of COLMAP's images; it gives names to a time list without any.
@@ -133,6 +138,8 @@ def read_trajectory_file(
             where="--trajectory-format",
             fix=nearest(name, FORMATS),
         )
+    if times_path is None and FORMATS[name].body == "camera":
+        times_path = image_times
     times = None
     if times_path is not None:
         times = read_stamp_list(times_path)
