@@ -84,6 +84,10 @@ class RecordingNotes:
         deskew: ``per_point`` (points have their own times), ``unavailable`` (they have none) or
             ``registered`` (the clouds are in the map already).
         salvage: None for a whole recording, else in words what was lost.
+        reading: how the recording was read, by name, where it could have been read otherwise:
+            ``lidar_topic``, ``image_topic``, ``camera_info_topic``, ``pose_topic``, ``pose_of``,
+            ``point_time``, ``rectified``, ``registered`` and the like. Two openings that would give
+            different frames differ here, or in rig, poses or stamps.
         simulated: the points and images come from a simulator.
         map_up: unit vector against gravity in the map frame, where it is known.
         warnings: things that are odd but not fatal, in words.
@@ -92,6 +96,7 @@ class RecordingNotes:
 
     deskew: str = "per_point"
     salvage: str | None = None
+    reading: dict[str, str] = field(default_factory=dict)
     simulated: bool = False
     map_up: tuple[float, float, float] | None = None
     warnings: tuple[str, ...] = ()
