@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from civil_rgbd.conversion.camera_info import parse_camera_info
 from civil_rgbd.conversion.cdr import CdrError
 from civil_rgbd.conversion.gathering import GatheredCameraInfo
@@ -20,7 +22,7 @@ from civil_rgbd.domain.inspection import CameraFacts, CloudFacts, ImageFacts
 from civil_rgbd.domain.recording import RecordingOptions
 from civil_rgbd.errors import CivilRgbdError, RecordingError
 
-_LIVOX_FIELDS = (
+_LIVOX_FIELDS: Final[tuple[tuple[str, str], ...]] = (
     ("offset_time", "u4"),
     ("x", "f4"),
     ("y", "f4"),

@@ -35,6 +35,7 @@ import click
 @click.pass_context
 def command(
     context: click.Context,
+    /,
     source: str,
     *,
     rig_path: Path | None,

@@ -118,6 +118,7 @@ def _size(text: str | None) -> tuple[int, int] | None:
 @click.pass_context
 def check(
     context: click.Context,
+    /,
     source: str,
     *,
     rig_path: Path | None,
