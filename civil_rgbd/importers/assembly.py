@@ -14,7 +14,7 @@ from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.errors import RecordingError
 from civil_rgbd.geometry.trajectory import Trajectory
 from civil_rgbd.geometry.transforms import compose, inverse, quaternion_from_matrix
-from civil_rgbd.importers.folders import Pair, indices_of
+from civil_rgbd.importers.folders import IMAGE_SUFFIXES, Pair, indices_of
 from civil_rgbd.importers.numbers import is_number, stamp_ns
 from civil_rgbd.importers.pose_tables import PoseTable
 from civil_rgbd.importers.rendered_set import (
@@ -42,6 +42,7 @@ class Parts:
         table: the poses.
         intrinsics: of the colour images.
         declared_scale: stored depth units a metre.
+        keys_are_stamps: the table's keys are stamps, even where they look like images' names.
         depth_intrinsics: of the depth images, where they have their own.
         documents: the files read besides images and poses.
         skipped: what was left out already, by name.
@@ -55,6 +56,7 @@ class Parts:
     table: PoseTable
     intrinsics: Intrinsics
     declared_scale: float
+    keys_are_stamps: bool = False
     depth_intrinsics: Intrinsics | None = None
     documents: tuple[Path, ...] = ()
     skipped: dict[str, int] = field(default_factory=dict)
@@ -68,7 +70,7 @@ def assemble(parts: Parts, options: ImportOptions) -> RenderedSet:
         RecordingError: poses and images do not fit each other, or stamps do not ascend.
     """
     warnings = list(parts.warnings)
-    poses, stamps = match_poses(parts.table, parts.pairs, parts.stamps_ns)
+    poses, stamps = match_poses(parts)
     if stamps is None:
         stamps = [place * NS_PER_S for place in range(len(parts.pairs))]
         warnings.append("the set has no time stamps: its images are stamped one second apart")
@@ -118,9 +120,7 @@ def mirrored(T_map_camera: NDArray[np.float64]) -> NDArray[np.float64]:
     return turned
 
 
-def match_poses(
-    table: PoseTable, pairs: Sequence[Pair], stamps_ns: Sequence[int] | None
-) -> tuple[Poses, Sequence[int] | None]:
+def match_poses(parts: Parts) -> tuple[Poses, Sequence[int] | None]:
     """Give every image its pose.
 
     By the table's keys where they are the images' names; else by stamps where both have some; else
@@ -132,9 +132,10 @@ def match_poses(
     Raises:
         RecordingError: none of these.
     """
+    table, pairs, stamps_ns = parts.table, parts.pairs, parts.stamps_ns
     if table.keys_are_places and len(table.transforms) == len(pairs):
         return [_or_none(T) for T in table.transforms], stamps_ns
-    named = _by_name(table, pairs)
+    named = None if parts.keys_are_stamps else _by_name(table, pairs)
     if named is not None:
         return named, stamps_ns
     if table.keys is not None and stamps_ns is not None:
@@ -156,14 +157,15 @@ def _by_name(table: PoseTable, pairs: Sequence[Pair]) -> Poses | None:
     if table.keys is None:
         return None
     places: dict[object, int] = {}
+    count = all(_is_whole(_stem(key)) for key in table.keys)  # else numbers are stamps, no names
     for place, key in enumerate(table.keys):
-        for name in _names_of(key):
+        for name in _names_of(key, count=count):
             if places.setdefault(name, place) != place:
                 raise RecordingError(
                     f"two poses are named {key!r}", where=table.path, fix="keep one of them"
                 )
     found = [
-        next((places[n] for n in (pair.key, pair.rgb.stem, pair.rgb.name) if n in places), None)
+        next((places[name] for name in (pair.rgb.stem, pair.key) if name in places), None)
         for pair in pairs
     ]
     hits = sum(place is not None for place in found)
@@ -172,13 +174,21 @@ def _by_name(table: PoseTable, pairs: Sequence[Pair]) -> Poses | None:
     return [None if place is None else _or_none(table.transforms[place]) for place in found]
 
 
-def _names_of(key: str) -> set[object]:
-    stem = key.rpartition("/")[2]
-    names: set[object] = {stem, stem.rpartition(".")[0] or stem}
-    plain = stem.rpartition(".")[0] if not is_number(stem) else stem
-    if is_number(plain) and float(plain).is_integer():  # false for nan and inf
-        names.add(int(float(plain)))
-    return names
+def _names_of(key: str, *, count: bool) -> set[object]:
+    stem = _stem(key)
+    if not count:
+        return {stem}
+    # Through a float a stamp of 19 digits would lose its last ones.
+    return {stem, int(stem) if stem.isdecimal() else int(float(stem))}
+
+
+def _stem(key: str) -> str:
+    name = Path(key).name
+    return Path(name).stem if Path(name).suffix.lower() in IMAGE_SUFFIXES else name
+
+
+def _is_whole(word: str) -> bool:
+    return is_number(word) and float(word).is_integer()  # false for nan and inf
 
 
 def _or_none(T: NDArray[np.float64]) -> NDArray[np.float64] | None:

@@ -67,6 +67,7 @@ def open_set(source: Path, options: ImportOptions) -> RenderedSet:
         table=poses_of(root, options),
         intrinsics=camera,
         declared_scale=LAYOUT.scale,
+        keys_are_stamps=True,
         documents=(*lists, *camera_files),
         skipped={"depth_without_image": lonely},
         warnings=warnings,
