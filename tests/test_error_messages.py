@@ -188,6 +188,14 @@ CASES: dict[str, Case] = {
     "rig for another camera": _rig(RIG.replace("64", "1280").replace("48", "720")),
     "validate nothing": lambda folder: ["validate", str(folder / "missing")],
     "info of a folder that is no dataset": lambda folder: ["info", str(folder)],
+    "unknown importer": lambda folder: ["convert", str(folder), "--from", "bridge_rgbd"],
+    "convert a folder without images": lambda folder: [
+        *("convert", str(folder), "--from", "lab", "--bridge", "B3"),
+        *("--out", str(folder / "out")),
+    ],
+    "unknown exporter": lambda folder: [
+        *("export", str(folder), "--to", "kiti", "--out", str(folder / "out")),
+    ],
     "unknown simulated bridge": lambda folder: [
         "simulate",
         "--bridge",

@@ -91,8 +91,8 @@ def _date(stamp_ns: int) -> str:
 
 def _readme(chosen: Sequence[Chosen], names: Sequence[str]) -> list[str]:
     cameras = [one.bridge.camera for one in chosen]
-    height = min(_LARGEST_INPUT[0], min(c.height_px for c in cameras) // 32 * 32)
-    width = min(_LARGEST_INPUT[1], min(c.width_px for c in cameras) // 32 * 32)
+    height = min(_LARGEST_INPUT[0], max(32, min(c.height_px for c in cameras) // 32 * 32))
+    width = min(_LARGEST_INPUT[1], max(32, min(c.width_px for c in cameras) // 32 * 32))
     train = "train" if "train" in names else names[-1]
     test = next((name for name in ("test", "val", "validation") if name in names), train)
     return [
