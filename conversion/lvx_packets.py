@@ -44,9 +44,9 @@ _PAYLOAD_BYTES: Final = _payload_bytes()
 
 @numba.njit(cache=True)
 def _little(data, at, width):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # a kernel: numba infers
-    value = np.uint64(0)
+    value = 0
     for k in range(width - 1, -1, -1):
-        value = (value << np.uint64(8)) | np.uint64(data[at + k])
+        value = (value << 8) | int(data[at + k])
     return value
 
 
@@ -57,9 +57,9 @@ def _walk(data, second, payload_bytes, rows, stamps):  # type: ignore[no-untyped
     header = 27 if second else 19
     while at + header <= len(data) and count < len(rows):
         if second:
-            device = int(_little(data, at + 1, 4))
+            device = _little(data, at + 1, 4)
             stamp_type, stamp_at, kind = int(data[at + 6]), at + 7, int(data[at + 17])
-            length = int(_little(data, at + 18, 4))
+            length = _little(data, at + 18, 4)
         else:
             device = int(data[at])
             stamp_type, stamp_at, kind = int(data[at + 9]), at + 11, int(data[at + 10])
@@ -149,10 +149,19 @@ def walk_packets(data: NDArray[np.uint8], *, second: bool) -> Packets:
     """
     header = _LVX2_HEADER_BYTES if second else _LVX_HEADER_BYTES
     rows = np.empty((len(data) // header + 1, 5), dtype=np.int64)
-    stamps = np.empty(len(rows), dtype=np.uint64)
+    stamps = np.empty(len(rows), dtype=np.int64)  # their bits; unsigned when they leave here
     count, end = _walk(data, second, _PAYLOAD_BYTES, rows, stamps)
     device, stamp_type, kind, place, length = (rows[:count, at].copy() for at in range(5))
-    return Packets(data, device, stamp_type, kind, place, length, stamps[:count].copy(), int(end))
+    return Packets(
+        data,
+        device,
+        stamp_type,
+        kind,
+        place,
+        length,
+        stamps[:count].view(np.uint64).copy(),
+        int(end),
+    )
 
 
 def _utc_ns(stamps: NDArray[np.uint64]) -> NDArray[np.int64]:
