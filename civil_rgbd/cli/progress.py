@@ -29,7 +29,6 @@ def byte_bar(title: str) -> Iterator[Callable[[int, int], object]]:
 
         def advance(here: int, total: int) -> None:
             bar.total = total
-            bar.n = here
-            bar.refresh()
+            bar.update(here - bar.n)  # goes back where a download begins anew
 
         yield advance

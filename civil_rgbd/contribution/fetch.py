@@ -17,7 +17,7 @@ Progress = Callable[[int, int], object]
 
 MAX_REGISTRY_BYTES: Final = 16 << 20
 _TRIES: Final = 3  # in a row without a single new byte
-_PIECE: Final = 1 << 18
+_PIECE: Final = 1 << 13  # small: what a broken connection cuts in two is lost
 _TIMEOUT_S: Final = (10.0, 60.0)  # to connect; between two pieces
 _PAUSE_S: Final = 0.2  # doubles from try to try
 _WORTH_A_TRY: Final = {408, 429, 500, 502, 503, 504}
