@@ -17,6 +17,7 @@ from civil_rgbd.errors import RecordingError
 _LATEST_S: Final = 4_000_000_000
 """The year 2096. What is larger counts in smaller units than seconds."""
 
+_BEYOND_NS: Final = (_LATEST_S + 1) * NS_PER_S
 _PLAIN: Final = re.compile(r"([+-]?)(\d{1,12})(?:\.(\d{0,9}))?", re.ASCII)
 _EPOCH_NS: Final = re.compile(r"\d{17,19}", re.ASCII)
 _COMMENTS: Final = ("#", "//", "%")
@@ -62,10 +63,11 @@ def ns_from_seconds(text: str) -> int:
             seconds = Decimal(text)
         except InvalidOperation as error:
             raise ValueError(f"{text!r} is no number") from error
-        # The exponent is looked at first: 1e999999999 would fill the memory.
-        if not seconds.is_finite() or seconds.adjusted() > 12:
+        if not seconds.is_finite():
             raise ValueError(f"{text!r} is no time in seconds")
-        ns = int((seconds * NS_PER_S).to_integral_value())
+        # The exponent is looked at first: 1e999999999 would fill the memory.
+        small = seconds.adjusted() <= 12
+        ns = int((seconds * NS_PER_S).to_integral_value()) if small else _BEYOND_NS
     if abs(ns) > _LATEST_S * NS_PER_S:
         raise ValueError(
             f"{text!r} is no time in seconds: it lies beyond the year 2096 (is it in milli-, "
