@@ -19,9 +19,9 @@ COLUMNS = 8
 
 def looks_like_lab_csv(table: PoseTable) -> bool:
     """Tell by the first row: eight columns with commas, and an id rather than a stamp."""
-    return (
-        table.columns == COLUMNS and table.commas and len(table.rows[0].cells[0]) <= len("999999")
-    )
+    first = table.rows[0].cells[0].removesuffix(".0")
+    is_id = first.isdecimal() and len(first) <= len("999999")
+    return table.columns == COLUMNS and table.commas and is_id
 
 
 def read_lab_csv(table: PoseTable, beside: Beside) -> Poses:

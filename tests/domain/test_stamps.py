@@ -48,7 +48,7 @@ def test_decimals_are_exact(text: str, ns: int) -> None:
     ["1305031098665900000", "1305031098665", "1e999999999", "nan", "inf", "", "1,5", "12:30"],
 )
 def test_what_is_no_time_in_seconds_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="no time in seconds|no number"):
+    with pytest.raises(ValueError, match=r"no time in seconds|no number"):
         ns_from_seconds(text)
 
 
