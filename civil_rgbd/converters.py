@@ -73,6 +73,17 @@ def open_motion(location: str | Path, options: RecordingOptions | None = None) -
     return cast("MotionRecording", opener(given, options or RecordingOptions()))
 
 
+def can_inspect(location: str | Path) -> bool:
+    """Whether the converter of a recording looks at it without opening it.
+
+    Raises:
+        UsageError: no converter goes by that suffix or name.
+        RecordingError: there is no such recording.
+    """
+    point, _ = _converter_of(location)
+    return hasattr(import_module(point.module), "inspect_recording")
+
+
 def inspect_recording(
     location: str | Path, options: RecordingOptions | None = None
 ) -> RecordingSummary:

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from civil_rgbd.cli.beside import options_beside, read_beside
+
+if TYPE_CHECKING:
+    from civil_rgbd.domain.inspection import RecordingSummary
+    from civil_rgbd.domain.recording import RecordingOptions
+
 
 @click.command("inspect-recording")
-@click.argument("source")
+@click.argument("sources", metavar="SOURCE", nargs=-1, required=True)
 @click.option("--lidar-topic", metavar="TOPIC", help="The point clouds, where several topics fit.")
 @click.option("--image-topic", metavar="TOPIC", help="The images, where several topics fit.")
 @click.option(
@@ -19,8 +27,9 @@ import click
 @click.option(
     "--pose-of",
     type=click.Choice(["camera", "lidar", "imu"]),
-    help="What PoseStamped and Path poses are poses of.",
+    help="What poses are poses of, where they do not say it.",
 )
+@options_beside
 @click.option(
     "--rig",
     "rig_path",
@@ -36,7 +45,7 @@ import click
 def command(
     context: click.Context,
     /,
-    source: str,
+    sources: tuple[str, ...],
     *,
     rig_path: Path | None,
     as_json: bool,
@@ -48,7 +57,6 @@ def command(
     whether it is enough. Exit code 0: a build could start; 1: something is missing; 2: SOURCE
     cannot be read.
     """
-    from civil_rgbd.converters import inspect_recording
     from civil_rgbd.domain.recording import RecordingOptions
     from civil_rgbd.domain.rig import RigFile
     from civil_rgbd.health.inspection import findings_of
@@ -56,8 +64,18 @@ def command(
     from civil_rgbd.trajectories.rig import read_rig
 
     rig = read_rig(rig_path) if rig_path else RigFile()
-    options = RecordingOptions(rig=rig, **recording_options)  # type: ignore[arg-type]  # click hands them over by name
-    summary = inspect_recording(source, options)
+    options = RecordingOptions(rig=rig, **read_beside(recording_options))
+    options = replace(options, more_files=tuple(map(Path, sources[1:])))
+    summary = _summary(sources[0], options)
     report = InspectionReport(summary, findings_of(summary, options))
     print(json.dumps(report.to_document(), indent=2) if as_json else report.to_text())
     context.exit(1 if report.errors else 0)
+
+
+def _summary(source: str, options: RecordingOptions) -> RecordingSummary:
+    from civil_rgbd.converters import can_inspect, inspect_recording, open_recording
+    from civil_rgbd.health.opened import summarise_opened
+
+    if can_inspect(source):
+        return inspect_recording(source, options)
+    return summarise_opened(lambda: open_recording(source, options), location=source)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from civil_rgbd.cli.beside import options_beside, read_beside
+
 if TYPE_CHECKING:
     from civil_rgbd.domain.recording import Recording, RecordingOptions
 
@@ -112,6 +114,12 @@ def _size(text: str | None) -> tuple[int, int] | None:
     "--camera-info-topic", metavar="TOPIC", help="The camera model, where several topics fit."
 )
 @click.option("--pose-topic", metavar="TOPIC", help="The poses, where several topics fit.")
+@click.option(
+    "--pose-of",
+    type=click.Choice(["camera", "lidar", "imu"]),
+    help="What poses are poses of, where they do not say it.",
+)
+@options_beside
 @click.option("--rectified", is_flag=True, help="The images are rectified.")
 @click.option("--salvage", is_flag=True, help="Go on with what is readable of a damaged recording.")
 @click.option("--json", "as_json", is_flag=True, help="Print it for machines.")
@@ -140,7 +148,7 @@ def check(
     from civil_rgbd.trajectories.rig import read_rig
 
     rig = read_rig(rig_path) if rig_path else RigFile()
-    options = RecordingOptions(rig=rig, **recording_options)  # type: ignore[arg-type]  # click hands them over by name
+    options = RecordingOptions(rig=rig, **read_beside(recording_options))
     report = compare_directions(_opened(source, options))
     print(json.dumps(report.to_document(), indent=2) if as_json else report.to_text())
     context.exit(1 if report.verdict == "inverse" or report.misses else 0)
@@ -163,4 +171,5 @@ def _opened(source: str, options: RecordingOptions) -> Recording:
         stamps_ns = np.array([-(10**18), 4 * 10**18], dtype=np.int64)
         upright = np.tile([0.0, 0.0, 0.0, 1.0], (2, 1))
         still = Trajectory(stamps_ns, np.zeros((2, 3)), upright)
-        return open_recording(source, replace(options, trajectory=still, pose_of="lidar"))
+        options = replace(options, trajectory=still, pose_of="lidar", pose_topic=None)
+        return open_recording(source, options)

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+NOT_OPENED: Final = "not opened"
+"""In place of the converter: the source tells nothing before it is opened, and it cannot be."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from civil_rgbd.constants import NS_PER_S
-from civil_rgbd.domain.inspection import RecordingSummary, TopicSummary
+from civil_rgbd.domain.inspection import NOT_OPENED, RecordingSummary, TopicSummary
 from civil_rgbd.domain.recording import RecordingOptions
 from civil_rgbd.health.clocks import clock_findings
 from civil_rgbd.health.findings import Finding
@@ -57,11 +57,13 @@ def findings_of(summary: RecordingSummary, options: RecordingOptions) -> tuple[F
     Returns:
         no error exactly when ``open_recording`` accepts the recording with these options.
     """
+    if summary.converter == NOT_OPENED:
+        return tuple(_beside_missing(summary, options))
     chosen = choose(summary, options)
     found = [
         *_damage(summary, options),
         *_lidar(chosen.lidars, summary),
-        *_images(chosen.images, summary),
+        *(() if options.images else _images(chosen.images, summary)),
         *_camera(chosen, summary, options),
         *_poses(chosen.poses, summary, options),
         *link_findings(summary, options, chosen.lidars, chosen.images, chosen.poses),
@@ -72,9 +74,21 @@ def findings_of(summary: RecordingSummary, options: RecordingOptions) -> tuple[F
     return tuple(sorted(found, key=lambda finding: finding.level != "error"))
 
 
+def _beside_missing(summary: RecordingSummary, options: RecordingOptions) -> Iterator[Finding]:
+    """What must come from files beside a source that holds scans alone."""
+    if summary.refusal is not None:
+        yield Finding("build-refuses", summary.refusal.what, fix=summary.refusal.fix)
+    if options.trajectory is None:
+        yield Finding("no-poses", "such a source holds no poses")
+    if options.images is None:
+        yield Finding("no-images", "such a source holds no images")
+    if options.rig.camera is None:
+        yield Finding("no-camera-model", "such a source holds no camera model")
+
+
 def choose(summary: RecordingSummary, options: RecordingOptions) -> Chosen:
     """Settle which topics a build would look at."""
-    images = _named(summary, "image", options.image_topic)
+    images = () if options.images else _named(summary, "image", options.image_topic)
     if options.image_topic is None:
         images = tuple(t for t in images if t.image is None or t.image.photograph)
     cameras = _named(summary, "camera_info", options.camera_info_topic)
@@ -202,6 +216,10 @@ def _poses(
     topics: tuple[TopicSummary, ...], summary: RecordingSummary, options: RecordingOptions
 ) -> Iterator[Finding]:
     if options.trajectory is not None:
+        if options.pose_of is None and not any("body" in pair for pair in options.rig.extrinsics):
+            yield Finding(
+                "pose-of-unknown", "the trajectory file does not say what it is a pose of"
+            )
         return
     if len(topics) > 1:
         yield _several("pose", topics)

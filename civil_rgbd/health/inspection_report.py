@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Final
 
 from civil_rgbd.constants import NS_PER_S
-from civil_rgbd.domain.inspection import CloudFacts, RecordingSummary, TopicSummary
+from civil_rgbd.domain.inspection import NOT_OPENED, CloudFacts, RecordingSummary, TopicSummary
 from civil_rgbd.geometry.words import extrinsics_in_words
 from civil_rgbd.health.clocks import clock_in_words
 from civil_rgbd.health.findings import Finding
@@ -80,6 +80,8 @@ class InspectionReport:
 
 
 def _headline(summary: RecordingSummary) -> str:
+    if summary.converter == NOT_OPENED:
+        return f"{summary.name}: {NOT_OPENED}, so nothing is known of what it holds"
     logged = summary.logged
     span_s = (logged.last_ns - logged.first_ns) / NS_PER_S if logged else 0.0
     topics = f"{len(summary.topics)} topic{'s' * (len(summary.topics) != 1)}"

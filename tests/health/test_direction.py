@@ -9,6 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
 from numpy.typing import NDArray
 
 from civil_rgbd.cli import main
@@ -323,3 +325,28 @@ def test_the_command_gives_1_for_an_inverted_rig(
     assert main([*command, "--json"]) == 1
     document = json.loads(capsys.readouterr().out)
     assert (document["verdict"], document["misses"]) == ("inverse", True)
+
+
+def test_a_recording_without_poses_can_be_checked(
+    scan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    without = tmp_path / "no_poses.mcap"
+    with scan.open("rb") as file, without.open("wb") as out:
+        writer, channels = Writer(out), {}
+        writer.start("ros2", "tests")
+        for schema, channel, message in make_reader(file).iter_messages():
+            if channel.topic == "/odometry" or schema is None:
+                continue
+            if channel.id not in channels:
+                known = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, known
+                )
+            writer.add_message(
+                channels[channel.id], message.log_time, message.data, message.publish_time
+            )
+        writer.finish()
+
+    assert main(["inspect-recording", str(without)]) == 1
+    assert main(["rig", "check", str(without)]) == 0
+    assert capsys.readouterr().out.endswith("the given direction explains 4 images better\n")

@@ -417,3 +417,40 @@ def test_a_document_holds_no_numpy(tmp_path: Path) -> None:
     summary, findings = inspected(tmp_path / "scan.mcap", scene.whole())
     again = replace(summary, warnings=("x",))
     assert json.loads(json.dumps(InspectionReport(again, findings).to_document()))
+
+
+def test_a_trajectory_file_stands_in_for_poses(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = scene.write(tmp_path / "scan.mcap", without("poses"))
+    rows = [
+        f"{scene.stamp(i) // 10**9}.{scene.stamp(i) % 10**9:09d} {0.1 * i} 0 0 0 0 0 1"
+        for i in range(21)
+    ]
+    (tmp_path / "poses.tum").write_text("\n".join(rows) + "\n")
+    command = ["inspect-recording", str(path), "--trajectory", str(tmp_path / "poses.tum")]
+
+    assert main(command) == 1
+    assert "error: pose-of-unknown: the trajectory file does not say" in capsys.readouterr().out
+    assert main([*command, "--pose-of", "lidar"]) == 0
+    assert capsys.readouterr().out.endswith("a build can start\n")
+
+
+def test_a_simulated_recording_is_opened_to_be_inspected(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["inspect-recording", "simulated:demo?seconds=1&image_scale=0.1"]) == 0
+    out = capsys.readouterr().out
+    assert "24000 points: x y z; times: each point has its own" in out
+    assert "image 128x72" in out
+
+
+def test_a_source_of_scans_alone_says_all_that_must_come_from_beside(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "scan.pcd").write_bytes(b"# .PCD v0.7\n")
+
+    assert main(["inspect-recording", str(tmp_path / "scan.pcd")]) == 1
+    out = capsys.readouterr().out
+    for code in ("build-refuses", "no-poses", "no-images", "no-camera-model"):
+        assert f"error: {code}: " in out
