@@ -15,7 +15,7 @@ from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.errors import OdometryError
 from civil_rgbd.geometry.trajectory import Trajectory
 from civil_rgbd.odometry.engines import END, Engine, EngineFiles
-from civil_rgbd.odometry.imu import steady_imu
+from civil_rgbd.odometry.imu import SteadyImu, steady_imu
 from civil_rgbd.odometry.input_bag import WrittenScans, write_input
 from civil_rgbd.odometry.processes import run_program
 from civil_rgbd.odometry.settings import settings_text
@@ -38,14 +38,14 @@ class PoseEstimate:
     Attributes:
         trajectory: ``T_map_imu``; each pose holds at its own stamp, LiDAR clock.
         scan_indices: (P,) int64, the recording's scan that each pose belongs to.
-        imu_unit: what the recording's specific forces were in.
+        imu: as the engine was given it.
         dropped: scans that the engine was not given, by reason.
         remarks: what was odd, in words.
     """
 
     trajectory: Trajectory
     scan_indices: NDArray[np.int64]
-    imu_unit: str
+    imu: SteadyImu
     dropped: dict[str, int]
     remarks: tuple[str, ...]
 
@@ -101,7 +101,7 @@ def estimate_poses(
     answer = read_engine_poses(_one_answer(files.out, engine, words))
     trajectory, found = _at_their_instants(answer, scans, engine)
     remarks = (*imu.remarks, *_judge(trajectory, found, scans, engine))
-    return PoseEstimate(trajectory, scans.indices[found], imu.unit, scans.dropped, remarks)
+    return PoseEstimate(trajectory, scans.indices[found], imu, scans.dropped, remarks)
 
 
 def _one_answer(out: Path, engine: Engine, words: str) -> Path:

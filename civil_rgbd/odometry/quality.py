@@ -1,0 +1,239 @@
+"""How far each pose can be trusted: what holds it, how well it fits, how fast it moves."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from civil_rgbd.constants import NS_PER_S
+from civil_rgbd.domain.motion import MotionRecording
+from civil_rgbd.domain.scan import LidarScan
+from civil_rgbd.geometry.trajectory import Trajectory
+from civil_rgbd.geometry.transforms import rotate, transform_points
+from civil_rgbd.odometry.imu import SteadyImu
+from civil_rgbd.odometry.input_bag import returns
+from civil_rgbd.odometry.surfaces import Cells, Planes, cells_of, keys_of, merged, planes_of
+
+Progress = Callable[[int, int], object]
+"""Called with scans newly judged and scans in all."""
+
+_BLOCKS, _BLOCK_SCANS = 5, 10  # a scan is held against itself and the five to six seconds before
+_RANGE_M: Final = (0.5, 150.0)
+_MEAN_S, _CARRIED_S, _REST_S = 1.0, 1.5, 0.5
+_STILL_M_S, _STILL_RAD_S, _REST_FORCE_M_S2 = 0.08, 0.05, 0.05
+_FEWEST_READINGS: Final = 10
+_HELD_AT_REST: Final = 10.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseMeasures:
+    """What was measured at each pose.
+
+    Attributes:
+        stamps_ns: (P,) int64 of the poses.
+        held_by: (P, 3) eigenvalues, ascending, of the sum of n n^T over the normals n of the planes
+            that the scan meets: how many planes oppose a slide in the direction that is held
+            worst, and in the two others. A smooth tunnel has one 0, a plain soffit two.
+        residual_m: (P,) median distance of the scan's points from those planes; NaN without any.
+        overlap: (P,) share of the scan's points that meet a plane.
+        speed_m_s: (P,) from the pose before.
+        turn_rad_s: (P,) from the pose before.
+        still: (P,) bool, IMU and poses both say that nothing moves.
+    """
+
+    stamps_ns: NDArray[np.int64]
+    held_by: NDArray[np.float64]
+    residual_m: NDArray[np.float64]
+    overlap: NDArray[np.float64]
+    speed_m_s: NDArray[np.float64]
+    turn_rad_s: NDArray[np.float64]
+    still: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a hand-held walk does not exceed.
+
+    Attributes:
+        speed_m_s: faster poses have quality 0.
+        turn_rad_s: faster turning poses have quality 0.
+        residual_m: the quality of poses that fit worse is scaled down by the ratio.
+    """
+
+    speed_m_s: float = 4.0
+    turn_rad_s: float = 4.0
+    residual_m: float = 0.05
+
+
+LOW_QUALITY: Final = 0.5
+"""Below this geometry holds a pose no longer; set on scenes other than the ones it is scored on."""
+
+
+def measure_poses(
+    recording: MotionRecording,
+    trajectory: Trajectory,
+    scan_indices: NDArray[np.int64],
+    *,
+    T_imu_lidar: NDArray[np.float64],
+    imu: SteadyImu,
+    on_progress: Progress = lambda _done, _total: None,
+) -> PoseMeasures:
+    """Measure what can be seen of the poses' quality without knowing the truth.
+
+    Args:
+        recording: its scans.
+        trajectory: ``T_map_imu``.
+        scan_indices: (P,) the scan that each pose belongs to.
+        T_imu_lidar: (4, 4).
+        imu: tells when nothing moves.
+        on_progress: called scan by scan.
+    """
+    count = len(scan_indices)
+    held_by, residual, overlap = np.zeros((count, 3)), np.full(count, np.nan), np.zeros(count)
+    recent = _RecentMap()
+    for k, index in enumerate(scan_indices.tolist()):
+        points = points_in_map(recording.read_scan(index), trajectory, T_imu_lidar)
+        recent.add(cells_of(points))
+        held_by[k], residual[k], overlap[k] = _against(points, recent.planes())
+        on_progress(1, count)
+    speed, turn = _motion(trajectory)
+    still = (speed < _STILL_M_S) & (turn < _STILL_RAD_S) & _imu_rests(imu, trajectory.stamps_ns)
+    return PoseMeasures(trajectory.stamps_ns, held_by, residual, overlap, speed, turn, still)
+
+
+def quality_of(measures: PoseMeasures, limits: Limits | None = None) -> NDArray[np.float64]:
+    """Turn measures into one number a pose: larger is better, 0 is worthless.
+
+    It is the number of planes that hold the scan where it is held worst, averaged over a second,
+    as an engine's filter does too. The best of the last seconds counts, since the IMU carries a
+    known velocity that far; while nothing moves, nothing slides. A pose that fits badly counts
+    less, one that moves as nobody walks counts nothing.
+
+    Args:
+        measures: of all poses.
+        limits: of speed and fit; None are those of a walk.
+
+    Returns:
+        (P,) float64.
+    """
+    limits = limits or Limits()
+    least = measures.held_by[:, 0]
+    held = np.where(measures.still, np.maximum(least, _HELD_AT_REST), least)
+    held = _over_the_last(held, measures.stamps_ns, _MEAN_S, np.mean)
+    held = _over_the_last(held, measures.stamps_ns, _CARRIED_S, np.max)
+    fits = np.nan_to_num(limits.residual_m / np.maximum(measures.residual_m, 1e-9), nan=1.0)
+    possible = (measures.speed_m_s <= limits.speed_m_s) & (measures.turn_rad_s <= limits.turn_rad_s)
+    quality: NDArray[np.float64] = np.where(possible, held * fits.clip(max=1.0), 0.0)
+    return quality
+
+
+def _over_the_last(
+    values: NDArray[np.float64],
+    stamps_ns: NDArray[np.int64],
+    seconds: float,
+    summary: Callable[[NDArray[np.float64]], float],
+) -> NDArray[np.float64]:
+    first = np.searchsorted(stamps_ns, stamps_ns - round(seconds * NS_PER_S), side="right")
+    return np.array([summary(values[a : k + 1]) for k, a in enumerate(first.tolist())])
+
+
+def _imu_rests(imu: SteadyImu, stamps_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell for each instant whether the half second before it was without motion: (P,) bool."""
+    first = np.searchsorted(imu.stamps_ns, stamps_ns - round(_REST_S * NS_PER_S))
+    last = np.searchsorted(imu.stamps_ns, stamps_ns, side="right")
+    rests = np.zeros(len(stamps_ns), dtype=np.bool_)
+    for k, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        if b - a >= _FEWEST_READINGS:
+            force, rate = imu.forces_m_s2[a:b], imu.rates_rad_s[a:b]
+            rests[k] = (
+                force.std(axis=0).max() < _REST_FORCE_M_S2
+                and np.abs(rate.mean(axis=0)).max() < _STILL_RAD_S
+            )
+    return rests
+
+
+class _RecentMap:
+    """The last scans, summed cell by cell; older sums are kept in blocks, to add up fewer."""
+
+    def __init__(self) -> None:
+        self._blocks: deque[Cells] = deque(maxlen=_BLOCKS)
+        self._open: list[Cells] = []
+
+    def add(self, cells: Cells) -> None:
+        self._open.append(cells)
+        if len(self._open) == _BLOCK_SCANS:
+            self._blocks.append(merged(self._open))
+            self._open = []
+
+    def planes(self) -> Planes:
+        return planes_of(merged([*self._blocks, *self._open]))
+
+
+def points_in_map(
+    scan: LidarScan, trajectory: Trajectory, T_imu_lidar: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Move a scan's returns to the map, each by the pose at its own time: (N, 3) float64.
+
+    Returns outside of the trajectory stay out.
+    """
+    stamps = scan.point_stamps_ns
+    if stamps is None:
+        stamps = np.full(len(scan.points), scan.stamp_ns, dtype=np.int64)
+    keep = returns(scan) & (stamps >= trajectory.start_ns) & (stamps <= trajectory.end_ns)
+    points = scan.points[keep].astype(np.float64)
+    ranges = np.sqrt((points**2).sum(axis=1))
+    near = (ranges >= _RANGE_M[0]) & (ranges <= _RANGE_M[1])
+    translations, turns = trajectory.at(stamps[keep][near])
+    return rotate(turns, transform_points(T_imu_lidar, points[near])) + translations
+
+
+def held_by_planes(normals: NDArray[np.float64], doubt: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the eigenvalues of the sum of n n^T over unit normals.
+
+    Args:
+        normals: (K, 3).
+        doubt: (K,) variance of their directions, rad^2; what it adds is taken off.
+
+    Returns:
+        (3,) ascending, 0 or more.
+
+    >>> held_by_planes(np.eye(3)[[0, 0, 1]], np.zeros(3)).round(6).tolist()
+    [0.0, 1.0, 2.0]
+    """
+    if not len(normals):
+        return np.zeros(3)
+    held: NDArray[np.float64] = np.linalg.eigvalsh(normals.T @ normals) - doubt.sum()
+    return held.clip(min=0.0)
+
+
+def _against(
+    points_map: NDArray[np.float64], planes: Planes
+) -> tuple[NDArray[np.float64], float, float]:
+    if not len(points_map) or not len(planes.keys):
+        return np.zeros(3), np.nan, 0.0
+    keys = keys_of(points_map)
+    at = np.minimum(np.searchsorted(planes.keys, keys), len(planes.keys) - 1)
+    met = planes.keys[at] == keys
+    if not met.any():
+        return np.zeros(3), np.nan, 0.0
+    off = ((points_map[met] - planes.middles_m[at[met]]) * planes.normals[at[met]]).sum(axis=1)
+    hit = np.unique(at[met])
+    held_by = held_by_planes(planes.normals[hit], planes.doubt[hit])
+    return held_by, float(np.median(np.abs(off))), float(met.mean())
+
+
+def _motion(trajectory: Trajectory) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return speed and turn rate of each pose, from the one before; the first's from the next."""
+    if len(trajectory.stamps_ns) < 2:
+        return np.zeros(1), np.zeros(1)
+    step_s = np.diff(trajectory.stamps_ns) / NS_PER_S
+    moved = np.sqrt((np.diff(trajectory.translations_m, axis=0) ** 2).sum(axis=1))
+    q = trajectory.quaternions_xyzw
+    half = np.abs((q[1:] * q[:-1]).sum(axis=1)).clip(max=1.0)
+    speed, turn = moved / step_s, 2 * np.arccos(half) / step_s
+    return np.concatenate([speed[:1], speed]), np.concatenate([turn[:1], turn])
