@@ -47,6 +47,10 @@ class BuildError(CivilRgbdError):
     """A build cannot start, go on or finish."""
 
 
+class BridgeFailedError(BuildError):
+    """A build ran, and its bridge did not come out."""
+
+
 class OutputError(CivilRgbdError):
     """A file or folder cannot be written."""
 

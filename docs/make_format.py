@@ -5,6 +5,7 @@ Run ``python docs/make_format.py`` after a change to schema/; a test compares.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -23,6 +24,8 @@ FILES: Final = (
     "defects",
     "dataset",
     "bridge_info",
+    "recipe",
+    "rig",
     "registry",
 )
 """The schemas, in the order of the page."""
@@ -145,7 +148,11 @@ def _rows(schema: dict[str, Any], prefix: str) -> Iterator[str]:
 
 def _row(schema: dict[str, Any], path: str, *, optional: bool) -> Iterator[str]:
     unit = schema.get("x-unit", "")
-    words = schema["description"] + (" May be left out." if optional else "")
+    words = schema["description"]
+    if schema.get("default") not in (None, "", []):
+        words += f" Default: `{json.dumps(schema['default'])}`."
+    elif optional:
+        words += " May be left out."
     yield f"| `{path}` | {_type(schema)} | {unit} | {_escaped(words)} |"
     others, items = schema.get("additionalProperties"), schema.get("items")
     yield from _rows(schema, f"{path}.")
@@ -163,8 +170,11 @@ def _type(schema: dict[str, Any]) -> str:
         return f"`{schema['const']}`"
     if "enum" in schema:
         return ", ".join("null" if value is None else f"`{value}`" for value in schema["enum"])
-    if "oneOf" in schema:
-        return " or ".join(_type(choice) for choice in schema["oneOf"])
+    for choices in ("oneOf", "anyOf"):
+        if choices in schema:
+            return " or ".join(_type(choice) for choice in schema[choices])
+    if "$ref" in schema:
+        return str(schema["$ref"]).rpartition("/")[2]
     kinds = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
     words = []
     for kind in kinds:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from civil_rgbd.builder.chunks import BRIDGE, DONE, ChunkRecord
 from civil_rgbd.builder.plan import Plan
-from civil_rgbd.builder.provenance import recipe_record, software
+from civil_rgbd.builder.provenance import reading_record, recipe_record, software
 from civil_rgbd.constants import BRIDGE_ID_PATTERN, NS_PER_S
 from civil_rgbd.domain.bridge import BridgeInfo, Counts, Manifest, rig_record
 from civil_rgbd.domain.recipe import Recipe
@@ -117,6 +117,7 @@ def manifest_before(
         sources=recording.sources,
         software=software(),
         counts=Counts(images_seen=len(recording.image_stamps_ns), frames_kept=0),
+        reading=reading_record(recording),
         rig=rig_record(recording.rig),
         recipe=recipe_record(recipe, overrides),
         deskew=deskew,
@@ -128,7 +129,12 @@ def manifest_before(
 
 
 def with_counts(
-    manifest: Manifest, plan: Plan, records: Iterable[ChunkRecord], recording: Recording
+    manifest: Manifest,
+    plan: Plan,
+    records: Iterable[ChunkRecord],
+    recording: Recording,
+    *,
+    pixels_without_source: int,
 ) -> Manifest:
     """Fill in what was seen, kept and dropped: the same whoever made which chunk."""
     frames = sorted(
@@ -144,7 +150,7 @@ def with_counts(
     for record in records:
         points |= record.point_counts
     totals = total_points(points.values())
-    points_seen = totals.pop("read")
+    points_read = totals.pop("read")
     return replace(
         manifest,
         counts=Counts(
@@ -152,12 +158,14 @@ def with_counts(
             frames_kept=len(kept),
             dropped=dropped,
             scans_seen=len(recording.scan_stamps_ns),
-            points_seen=points_seen,
+            scans_read=len(points),
+            points_read=points_read,
             points_dropped=totals,
             skipped=dict(recording.notes.counts),
             mean_points_in_view=_mean([frame.points_in_view for frame in kept]),
             mean_age_span_s=_mean([frame.span_ns / NS_PER_S for frame in kept]),
             mean_valid_share=_mean([frame.row.valid_share for frame in kept if frame.row]),
+            pixels_without_source=pixels_without_source,
         ),
     )
 

@@ -125,13 +125,22 @@ def finished_chunks(partial: Path) -> list[ChunkRecord]:
     """
     records = []
     for path in sorted((partial / DONE).glob("*.json")):
-        try:
-            record = _from_document(json.loads(path.read_text("utf-8")))
-        except (OSError, ValueError, KeyError, TypeError):
-            continue  # a power cut may leave an empty record: the chunk is made again
-        if all(_whole(partial / BRIDGE, frame.row) for frame in record.frames if frame.row):
+        record = _read_record(path)
+        if record and all(
+            _whole(partial / BRIDGE, frame.row) for frame in record.frames if frame.row
+        ):
             records.append(record)
+        else:
+            # The chunk is made again, perhaps cut otherwise: this record must not come back.
+            path.unlink()
     return records
+
+
+def _read_record(path: Path) -> ChunkRecord | None:
+    try:
+        return _from_document(json.loads(path.read_text("utf-8")))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None  # a power cut may leave an empty record
 
 
 def _whole(folder: Path, row: FrameRow) -> bool:

@@ -14,7 +14,7 @@ from typing import Final
 
 from civil_rgbd.builder.chunks import ChunkRecord, Job, run_chunk
 from civil_rgbd.builder.plan import Chunk
-from civil_rgbd.errors import BuildError
+from civil_rgbd.errors import BridgeFailedError
 
 MAX_ATTEMPTS: Final = 3
 """A chunk whose worker dies this often is given up."""
@@ -38,7 +38,7 @@ def in_processes(
     """Run chunks in a pool of processes; when a worker dies the pool is rebuilt.
 
     Raises:
-        BuildError: a chunk's worker died :data:`MAX_ATTEMPTS` times.
+        BridgeFailedError: a chunk's worker died :data:`MAX_ATTEMPTS` times.
         CivilRgbdError: what a chunk itself raised.
     """
     waiting = list(reversed(chunks))
@@ -91,7 +91,7 @@ def _refuse_poison(job: Job, chunk: Chunk, attempts: int) -> None:
     if attempts < MAX_ATTEMPTS:
         return
     frames = job.frames[chunk.first : chunk.stop]
-    raise BuildError(
+    raise BridgeFailedError(
         f"the worker of frames {frames[0].source_index} to {frames[-1].source_index} (stamps "
         f"{frames[0].stamp_ns} to {frames[-1].stamp_ns} ns) died {attempts} times",
         where=job.recording.name,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from civil_rgbd.geometry.transforms import compose
 from civil_rgbd.pipeline.frames import PlannedFrame
 from civil_rgbd.pipeline.select import far_enough
 
-CHUNK_FRAMES = 128
+CHUNK_FRAMES = 64
 """Most frames in a chunk: some seconds of work, beside which the warm-up of a window is small."""
 
 
@@ -62,9 +63,34 @@ def plan_frames(recording: Recording, recipe: Recipe) -> Plan:
     Raises:
         RecordingError: no image has a pose.
     """
-    source_stamps_ns = recording.image_stamps_ns
-    stamps_ns = source_stamps_ns + recording.rig.camera_time_offset_ns
+    stamps_ns = recording.image_stamps_ns + recording.rig.camera_time_offset_ns
     dropped: dict[str, int] = {}
+    posed = _with_a_pose(recording, recipe, stamps_ns, dropped)
+    T_map_camera = compose(
+        recording.trajectory.transforms_at(stamps_ns[posed]), recording.rig.T_body_camera
+    )
+    kept = far_enough(T_map_camera[:, :3, 3], min_displacement_m=recipe.select.min_displacement_m)
+    if len(kept) < len(posed):
+        dropped["image-too-near-previous"] = len(posed) - len(kept)
+    frames = tuple(
+        PlannedFrame(
+            source_index=int(posed[k]),
+            stamp_ns=int(stamps_ns[posed[k]]),
+            source_stamp_ns=int(recording.image_stamps_ns[posed[k]]),
+            T_map_camera=T_map_camera[k],
+        )
+        for k in kept
+    )
+    return Plan(frames=frames, images_seen=len(stamps_ns), dropped=dropped)
+
+
+def _with_a_pose(
+    recording: Recording,
+    recipe: Recipe,
+    stamps_ns: NDArray[np.int64],
+    dropped: dict[str, int],
+) -> NDArray[np.intp]:
+    """Return the indices of the images that have a pose; count the others in ``dropped``."""
     trajectory = recording.trajectory
     gap_ns = round(recipe.poses.max_gap_s * NS_PER_S)
     usable = np.ones(len(stamps_ns), dtype=np.bool_)
@@ -79,29 +105,14 @@ def plan_frames(recording: Recording, recipe: Recipe) -> Plan:
         _drop(usable, keep, dropped, reason)
     # Last, so that one stray stamp outside the trajectory does not cost the images after it.
     _drop(usable, _ascending(stamps_ns, among=usable), dropped, "image-stamp-not-ascending")
-    indices = np.flatnonzero(usable)
-    if not len(indices):
+    if not usable.any():
         raise RecordingError(
-            f"none of the {len(stamps_ns)} images has a pose: {in_words(dropped)}",
+            f"none of the {len(stamps_ns)} images has a pose: {in_words(dropped)}; there are "
+            f"{len(trajectory.stamps_ns)} poses",
             where=recording.name,
             fix="check the camera's time offset, raise poses.max_gap_s, or lower poses.min_quality",
         )
-    T_map_camera = compose(
-        trajectory.transforms_at(stamps_ns[indices]), recording.rig.T_body_camera
-    )
-    kept = far_enough(T_map_camera[:, :3, 3], min_displacement_m=recipe.select.min_displacement_m)
-    if len(kept) < len(indices):
-        dropped["image-too-near-previous"] = len(indices) - len(kept)
-    frames = tuple(
-        PlannedFrame(
-            source_index=int(indices[k]),
-            stamp_ns=int(stamps_ns[indices[k]]),
-            source_stamp_ns=int(source_stamps_ns[indices[k]]),
-            T_map_camera=T_map_camera[k],
-        )
-        for k in kept
-    )
-    return Plan(frames=frames, images_seen=len(stamps_ns), dropped=dropped)
+    return np.flatnonzero(usable)
 
 
 def _well_posed(
@@ -167,6 +178,6 @@ def chunks_of(todo: list[int], *, workers: int) -> list[Chunk]:
     return chunks
 
 
-def in_words(counts: dict[str, int]) -> str:
+def in_words(counts: Mapping[str, int]) -> str:
     """Say counts by reason in one line."""
     return ", ".join(f"{reason} {count}" for reason, count in counts.items()) or "none"

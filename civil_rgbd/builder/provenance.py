@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from civil_rgbd import __version__
 from civil_rgbd.builder.recipes import recipe_parameters, recipe_sha256
-from civil_rgbd.domain.bridge import RecipeRecord, Software
+from civil_rgbd.domain.bridge import Manifest, RecipeRecord, Software
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
+from civil_rgbd.format.manifest import manifest_to_document
 
 PIXEL_PACKAGES = ("numpy", "numba", "opencv-python-headless", "OpenEXR")
 """The packages whose versions can change a stored pixel or byte."""
@@ -59,31 +60,27 @@ def recipe_record(recipe: Recipe, overrides: Mapping[str, object]) -> RecipeReco
     )
 
 
-def build_identity(recording: Recording, recipe: Recipe) -> dict[str, Any]:
+def reading_record(recording: Recording) -> dict[str, str]:
+    """Return how a recording was read, with a hash of the poses: they may come from a file."""
+    trajectory = recording.trajectory
+    poses = _sha256(trajectory.stamps_ns, trajectory.translations_m, trajectory.quaternions_xyzw)
+    return recording.notes.reading | {"poses_sha256": poses}
+
+
+def build_identity(wanted: Manifest, recording: Recording) -> dict[str, Any]:
     """Return what must be equal for an unfinished build to be gone on with.
 
     Args:
-        recording: its sources, rig, stamps and trajectory count.
-        recipe: its parameters count.
+        wanted: the manifest to be, without counts.
+        recording: its stamps count.
 
     Returns:
         a JSON document, one key a cause, so that a difference can be named.
     """
-    rig, trajectory = recording.rig, recording.trajectory
-    return {
-        "recipe": recipe_sha256(recipe),
-        "sources": [[source.name, source.sha256] for source in recording.sources],
-        "rig": _sha256(
-            rig.T_body_camera,
-            rig.T_body_lidar,
-            np.array([rig.camera_time_offset_ns, *rig.camera.coefficients]),
-            rig.camera.pinhole.matrix,
-        ),
-        "poses": _sha256(
-            trajectory.stamps_ns, trajectory.translations_m, trajectory.quaternions_xyzw
-        ),
-        "messages": _sha256(recording.image_stamps_ns, recording.scan_stamps_ns),
-        "software": [__version__, *(_version(name) for name in PIXEL_PACKAGES)],
+    document = manifest_to_document(wanted)
+    causes = ("recipe", "sources", "reading", "rig", "deskew", "salvage", "software")
+    return {cause: document[cause] for cause in causes} | {
+        "messages": _sha256(recording.image_stamps_ns, recording.scan_stamps_ns)
     }
 
 

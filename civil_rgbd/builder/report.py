@@ -20,7 +20,6 @@ class BuildReport:
         folder: where it is.
         recipe: name of the recipe.
         counts: what was seen, kept and dropped.
-        missing_pixels: pixels of every image that have no source in the raw one.
         notes: what the recording said.
         licence: SPDX expression in the manifest.
         seconds: wall time; 0 when it was whole already.
@@ -32,7 +31,6 @@ class BuildReport:
     folder: Path
     recipe: str
     counts: Counts
-    missing_pixels: int
     notes: RecordingNotes
     licence: str
     seconds: float
@@ -54,7 +52,7 @@ class BuildReport:
                 f"recipe {self.recipe}"
             ),
             *_listed("images dropped", counts.dropped),
-            *_listed("points dropped", counts.points_dropped, total=counts.points_seen),
+            *_listed("points dropped", counts.points_dropped, total=counts.points_read),
             *_listed("messages skipped", counts.skipped),
             f"  depth in      {_percent(counts.mean_valid_share)} of the pixels on average",
             (
@@ -62,8 +60,8 @@ class BuildReport:
                 f"{counts.mean_age_span_s or 0:.2f} s from oldest to newest"
             ),
         ]
-        if self.missing_pixels:
-            lines.append(f"  no source for {self.missing_pixels} pixels of every image")
+        if counts.pixels_without_source:
+            lines.append(f"  no source for {counts.pixels_without_source} pixels of every image")
         if self.notes.salvage:
             lines.append(f"  salvaged      {self.notes.salvage}")
         lines += [f"  note          {warning}" for warning in self.notes.warnings]

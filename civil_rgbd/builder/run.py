@@ -19,13 +19,13 @@ from civil_rgbd.builder.bridge import (
 from civil_rgbd.builder.checks import check_before_start, require_images_fit
 from civil_rgbd.builder.chunks import BRIDGE, ChunkRecord, Job, finished_chunks
 from civil_rgbd.builder.executors import EXECUTORS, use_one_thread
-from civil_rgbd.builder.plan import chunks_of, plan_frames
+from civil_rgbd.builder.plan import Plan, chunks_of, in_words, plan_frames
 from civil_rgbd.builder.provenance import build_identity
 from civil_rgbd.builder.report import BuildReport
 from civil_rgbd.domain.bridge import BridgeInfo, Manifest
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
-from civil_rgbd.errors import BuildError
+from civil_rgbd.errors import BridgeFailedError
 from civil_rgbd.format.atomic import folder_lock, recover_folder, writing
 from civil_rgbd.format.datasets import refresh_dataset
 from civil_rgbd.format.layout import BRIDGES, PARTIAL
@@ -78,39 +78,54 @@ def build_bridge(
     require_free_id(dataset, info.bridge_id)
     require_images_fit(recording, undistort=recipe.image.undistort)
     plan = plan_frames(recording, recipe)
-    use_one_thread()
-    maker = FrameMaker(recording, recipe)
+    wanted = manifest_before(recording, recipe, info, options.overrides)
     folder, partial = dataset / BRIDGES / info.bridge_id, dataset / PARTIAL / info.bridge_id
-    manifest = manifest_before(recording, recipe, info, options.overrides)
-    found: list[ChunkRecord] = []
+    job = Job(recording=recording, recipe=recipe, frames=plan.frames, partial=partial)
     with writing(dataset):
         partial.parent.mkdir(parents=True, exist_ok=True)
-    with folder_lock(partial):
-        recover_folder(folder)
-        whole = find_whole(folder, manifest, overwrite=options.overwrite)
-        if whole is None:
-            check_before_start(maker, plan)
-            identity = build_identity(recording, recipe)
-            prepare_partial(partial, identity, overwrite=options.overwrite)
-            found = finished_chunks(partial)
-            job = Job(recording=recording, recipe=recipe, frames=plan.frames, partial=partial)
-            records = found + _make_missing(job, found, options)
-            manifest = with_counts(manifest, plan, records, recording)
-            _publish(job, folder, manifest, maker, records)
-        refresh_dataset(dataset)
-    remove_if_empty(partial.parent)
+    try:
+        with folder_lock(partial):
+            recover_folder(folder)
+            whole = find_whole(folder, wanted, overwrite=options.overwrite)
+            made = _Made(whole, 0) if whole else _make(job, plan, wanted, folder, options)
+            refresh_dataset(dataset)
+    finally:
+        remove_if_empty(partial.parent)
     return BuildReport(
         bridge_id=info.bridge_id,
         folder=folder,
         recipe=recipe.name,
-        counts=(whole or manifest).counts,
-        missing_pixels=maker.images.missing_pixels,
+        counts=made.manifest.counts,
         notes=recording.notes,
         licence=info.licence,
         seconds=time.monotonic() - started,
-        frames_found=sum(len(record.frames) for record in found),
+        frames_found=made.frames_found,
         already_whole=whole is not None,
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Made:
+    """The manifest of a bridge that is whole, and how much of it was found half-made."""
+
+    manifest: Manifest
+    frames_found: int
+
+
+def _make(job: Job, plan: Plan, wanted: Manifest, folder: Path, options: BuildOptions) -> _Made:
+    """Check, go on where an earlier build was stopped, publish."""
+    use_one_thread()
+    maker = FrameMaker(job.recording, job.recipe)
+    check_before_start(maker, plan)
+    identity = build_identity(wanted, job.recording)
+    prepare_partial(job.partial, identity, overwrite=options.overwrite)
+    found = finished_chunks(job.partial)
+    records = found + _make_missing(job, found, options)
+    manifest = with_counts(
+        wanted, plan, records, job.recording, pixels_without_source=maker.images.missing_pixels
+    )
+    _publish(job, folder, manifest, maker, records)
+    return _Made(manifest, sum(len(record.frames) for record in found))
 
 
 def _make_missing(job: Job, found: list[ChunkRecord], options: BuildOptions) -> list[ChunkRecord]:
@@ -143,11 +158,11 @@ def _publish(
     rows = [frame.row for frame in frames if frame.row is not None]
     if not rows:
         remove_partial(job.partial)
-        raise BuildError(
+        raise BridgeFailedError(
             f"no frame came out of {manifest.counts.images_seen} images: "
-            f"{dict(manifest.counts.dropped)}",
+            f"{in_words(manifest.counts.dropped)}",
             where=job.recording.name,
-            fix="civil-rgbd info names the recipe's keys; look at the images of the recording",
+            fix="look at the images of the recording: none that was chosen could be decoded",
         )
     finish_bridge(
         job.partial / BRIDGE,

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import importlib
 import sys
+import traceback
+import warnings
 from collections.abc import Sequence
 from typing import Final
 
 import click
 
-from civil_rgbd.errors import CivilRgbdError
+from civil_rgbd.errors import BridgeFailedError, CivilRgbdError
 from civil_rgbd.resources import nearest
 
 COMMANDS: Final = {
@@ -68,24 +70,39 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 done; 1 ran, but findings or a failed bridge; 2 bad input, usage or environment;
         130 interrupted.
     """
+    warnings.showwarning = _say_warning
     try:
         result = group.main(
             args=None if arguments is None else list(arguments),
             prog_name="civil-rgbd",
             standalone_mode=False,
         )
-    except CivilRgbdError as error:
-        click.echo(f"error: {error}", err=True)
-        return 2
-    except click.exceptions.Exit as exit_:
-        return exit_.exit_code
-    except click.ClickException as error:
-        error.show()
-        return 2
-    except (KeyboardInterrupt, click.Abort):
-        click.echo("interrupted; finished work is kept, the same command goes on with it", err=True)
-        return 130
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader of our output went away: nothing is left to say
-        return 0
+    except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001  # each has its exit code
+        return _exit_code(error)
     return result if isinstance(result, int) else 0
+
+
+def _exit_code(error: BaseException) -> int:
+    """Say what went wrong, and return what the shell is told."""
+    match error:
+        case CivilRgbdError():
+            click.echo(f"error: {error}", err=True)
+            return 1 if isinstance(error, BridgeFailedError) else 2
+        case click.exceptions.Exit():
+            return error.exit_code
+        case KeyboardInterrupt() | click.Abort():
+            click.echo("interrupted", err=True)
+            return 130
+        case BrokenPipeError():
+            sys.stderr.close()  # the reader of our output went away: nothing is left to say
+            return 0
+        case click.ClickException():
+            error.show()
+        case _:
+            click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
+            click.echo("this is a fault of civil_rgbd: please report it with these lines", err=True)
+    return 2
+
+
+def _say_warning(message: Warning | str, *_where: object, **_more: object) -> None:
+    click.echo(f"warning: {message}", err=True)

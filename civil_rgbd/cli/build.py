@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from civil_rgbd.cli.beside import options_beside, read_beside
+from civil_rgbd.errors import UsageError
 
 if TYPE_CHECKING:
     from civil_rgbd.domain.bridge import BridgeInfo
@@ -126,7 +129,7 @@ def command(
     options = RecordingOptions(rig=rig, **read_beside(recording_options))
     options = replace(options, more_files=tuple(map(Path, sources[1:])))
     recording = open_recording(location, options)
-    with frame_bar(info.bridge_id) as on_progress:
+    with frame_bar(info.bridge_id) as on_progress, _saying_what_is_kept():
         report = build_bridge(
             recording,
             recipe,
@@ -140,6 +143,15 @@ def command(
             ),
         )
     print(json.dumps(report.to_document(), indent=2) if as_json else report.to_text())
+
+
+@contextmanager
+def _saying_what_is_kept() -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt:
+        click.echo("finished frames are kept: the same command goes on with them", err=True)
+        raise
 
 
 def _demo_recording() -> str:
@@ -159,7 +171,12 @@ def _info(bridge_id: str, path: Path | None, licence: str | None, *, simulated: 
         info = BridgeInfo(bridge_id, licence="CC0-1.0", name="Simulated girder bridge")
     else:
         info = BridgeInfo(bridge_id)
-    return replace(info, licence=licence) if licence else info
+    try:
+        return replace(info, licence=licence) if licence else info
+    except ValueError as error:
+        raise UsageError(
+            str(error), where="--licence", fix="see https://spdx.org/licenses for the names"
+        ) from error
 
 
 def _processors() -> int:

@@ -250,8 +250,8 @@ def _counts(bridge: Bridge) -> Iterator[tuple[str, str]]:
     yield "frames kept", f"{counts.frames_kept:,}"
     for reason, count in counts.dropped.items():
         yield f"images dropped: {reason}", f"{count:,}"
-    if counts.points_seen is not None:
-        yield "points seen", f"{counts.points_seen:,} in {counts.scans_seen or 0:,} scans"
+    if counts.points_read is not None:
+        yield "points read", f"{counts.points_read:,} in {counts.scans_read or 0:,} scans"
     for reason, count in counts.points_dropped.items():
         yield f"points dropped: {reason}", f"{count:,}"
     for what, count in counts.skipped.items():

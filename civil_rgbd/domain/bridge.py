@@ -19,6 +19,8 @@ from civil_rgbd.geometry.transforms import rigid_fault
 UNSTATED_LICENCE: Final = "LicenseRef-Unstated"
 """The licence of a bridge whose builder named none: nobody may assume any right."""
 
+_SPDX_FORM: Final = r"\(*[A-Za-z0-9.+-]+\)*( (AND|OR|WITH) \(*[A-Za-z0-9.+-]+\)*)*"
+
 ORIGINS: Final = ("rendered", "imported", "simulated")
 """Depth rendered here from points; taken over from another set; rendered from simulated points."""
 
@@ -128,8 +130,11 @@ class BridgeInfo:
     def __post_init__(self) -> None:
         if not re.fullmatch(BRIDGE_ID_PATTERN, self.bridge_id):
             raise ValueError(f"bridge id {self.bridge_id!r} does not match {BRIDGE_ID_PATTERN}")
-        if not self.licence:
-            raise ValueError(f"the licence is empty; {UNSTATED_LICENCE!r} says that none is stated")
+        if not re.fullmatch(_SPDX_FORM, self.licence):
+            raise ValueError(
+                f"the licence {self.licence!r} is no SPDX expression, such as CC-BY-4.0; "
+                f"{UNSTATED_LICENCE!r} says that none is stated"
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,24 +224,28 @@ class Counts:
         frames_kept: frames in the bridge.
         dropped: images that became no frame, by reason; they and the kept add up to the seen.
         scans_seen: LiDAR messages in the recording.
-        points_seen: points in them, before any filter.
+        scans_read: of those, the ones that the window of some frame looked into.
+        points_read: points in the messages that were read, before any filter.
         points_dropped: points that never counted, by reason.
         skipped: other things that reading left out, by name.
         mean_points_in_view: mean number of a frame's points that fell into its image.
         mean_age_span_s: mean time between a frame's oldest and newest point.
         mean_valid_share: mean share of pixels with depth.
+        pixels_without_source: pixels of every image that the raw one does not have.
     """
 
     images_seen: int
     frames_kept: int
     dropped: Mapping[str, int] = field(default_factory=dict)
     scans_seen: int | None = None
-    points_seen: int | None = None
+    scans_read: int | None = None
+    points_read: int | None = None
     points_dropped: Mapping[str, int] = field(default_factory=dict)
     skipped: Mapping[str, int] = field(default_factory=dict)
     mean_points_in_view: float | None = None
     mean_age_span_s: float | None = None
     mean_valid_share: float | None = None
+    pixels_without_source: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -247,6 +256,7 @@ class Manifest:
         info: identity and what people say about the bridge.
         origin: one of :data:`ORIGINS`.
         sources: the files behind it.
+        reading: how they were read where they could have been read otherwise, by name.
         software: what made it.
         counts: what was seen, kept and dropped.
         rig: how the sensors were mounted; None where an import does not say.
@@ -266,6 +276,7 @@ class Manifest:
     sources: tuple[SourceFile, ...]
     software: Software
     counts: Counts
+    reading: Mapping[str, str] = field(default_factory=dict)
     rig: RigRecord | None = None
     recipe: RecipeRecord | None = None
     deskew: str | None = None

@@ -195,4 +195,4 @@ def test_every_worker_gets_two_chunks_of_a_small_job_and_a_single_one_all_of_it(
 
 
 def test_chunks_of_a_large_job_stay_small() -> None:
-    assert len(chunks_of(list(range(12_800)), workers=2)) == 100
+    assert len(chunks_of(list(range(12_800)), workers=2)) == 200

@@ -20,6 +20,7 @@ from civil_rgbd.builder.chunks import BRIDGE, DONE
 from civil_rgbd.builder.recipes import load_recipe
 from civil_rgbd.builder.run import BuildOptions, build_bridge
 from civil_rgbd.domain.recipe import Recipe
+from civil_rgbd.domain.recording import RecordingNotes
 from civil_rgbd.errors import BuildError, OutputError, RecordingError, UsageError
 from civil_rgbd.format.layout import BRIDGES, PARTIAL
 from civil_rgbd.format.reader import read_bridge
@@ -266,6 +267,57 @@ def test_a_ring_that_never_fills_says_how_many_points_there_were(
     assert "accumulate.min_fill" in e.value.fix
     assert not (tmp_path / BRIDGES).exists()
     assert not list((tmp_path / PARTIAL).glob("*"))
+
+
+class _OtherTopic(SimulatedRecording):
+    """The same stamps, rig and poses, but another topic was chosen."""
+
+    @property
+    def notes(self) -> RecordingNotes:
+        return dataclasses.replace(super().notes, reading={"lidar_topic": "/rear/lidar"})
+
+
+def test_a_bridge_of_another_topic_is_not_taken_for_this_one(
+    recording: SimulatedRecording, recipe: Recipe, tmp_path: Path
+) -> None:
+    build_bridge(recording, recipe, tmp_path, INFO, QUIET)
+
+    with pytest.raises(BuildError, match=r"built otherwise \(different: reading\)"):
+        build_bridge(_OtherTopic(recording.spec), recipe, tmp_path, INFO, QUIET)
+
+
+def test_a_stopped_build_of_another_topic_is_not_gone_on_with(
+    recording: SimulatedRecording, recipe: Recipe, tmp_path: Path
+) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        build_bridge(recording, recipe, tmp_path, INFO, BuildOptions(on_progress=_StopAfter(2)))
+
+    with pytest.raises(BuildError, match=r"begun otherwise \(different: reading\)"):
+        build_bridge(_OtherTopic(recording.spec), recipe, tmp_path, INFO, QUIET)
+
+
+def test_a_record_that_was_found_damaged_does_not_come_back(
+    built: Path,
+    recording: SimulatedRecording,
+    recipe: Recipe,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("civil_rgbd.builder.plan.CHUNK_FRAMES", 4)
+    with pytest.raises(KeyboardInterrupt):
+        build_bridge(recording, recipe, tmp_path, INFO, BuildOptions(on_progress=_StopAfter(9)))
+    partial = tmp_path / PARTIAL / "B9"
+    depth = min(partial.rglob("*.exr"))
+    whole = depth.read_bytes()
+    depth.write_bytes(b"")
+    monkeypatch.setattr("civil_rgbd.builder.plan.CHUNK_FRAMES", 6)
+    with pytest.raises(KeyboardInterrupt):
+        build_bridge(recording, recipe, tmp_path, INFO, BuildOptions(on_progress=_StopAfter(12)))
+    depth.write_bytes(whole)
+
+    build_bridge(recording, recipe, tmp_path, INFO, QUIET)
+
+    assert contents(tmp_path) == contents(built)
 
 
 class _TurnedRound(SimulatedRecording):

@@ -100,12 +100,15 @@ def manifest(mean_valid_share: float) -> Manifest:
             frames_kept=len(SOURCE_INDICES),
             dropped={"image-too-near-previous": 10, "too-few-points": 1},
             scans_seen=15,
-            points_seen=360_000,
+            scans_read=14,
+            points_read=360_000,
             points_dropped={"no_return": 1200},
             mean_points_in_view=256.5,
             mean_age_span_s=1.25,
             mean_valid_share=mean_valid_share,
+            pixels_without_source=0,
         ),
+        reading={"lidar_topic": "/livox/lidar", "pose_topic": "/odometry"},
         rig=RigRecord(
             camera=LensCamera(RAW, "plumb_bob", (-0.05, 0.01, 0.0, 0.0, 0.0)),
             T_lidar_camera=transform_from(
