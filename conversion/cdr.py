@@ -30,24 +30,46 @@ class CdrError(ValueError):
     """A payload breaks its layout; the caller knows which message it is."""
 
 
+class ContentError(CdrError):
+    """A payload keeps its layout, but what it says cannot be used; its remedy is known.
+
+    Attributes:
+        fix: what the reader can do next.
+    """
+
+    def __init__(self, what: str, fix: str) -> None:
+        super().__init__(what)
+        self.fix = fix
+
+
+LAYOUT_FIX: Final = "record it again, or choose another topic; a damaged file may also do this"
+"""What to do about a message that a recording cannot do without."""
+
+SALVAGE_FIX: Final = "go on without it: --salvage; or record it again, if there are many"
+"""What to do about one message of many."""
+
+
 @contextmanager
-def decoding(what: str, *, where: object) -> Iterator[None]:
+def decoding(what: str, *, where: object, fix: str = LAYOUT_FIX) -> Iterator[None]:
     """Turn layout faults inside the block into one :class:`RecordingError`.
 
     Args:
         what: the message, for the reader: ``"PointCloud2 message 12"``.
         where: the file and topic.
+        fix: what to do about a broken layout.
 
     Raises:
-        RecordingError: the payload breaks its layout.
+        RecordingError: the payload breaks its layout, or says what cannot be used.
     """
     try:
         yield
+    except ContentError as error:
+        raise RecordingError(f"{what}: {error}", where=where, fix=error.fix) from error
     except CdrError as error:
         raise RecordingError(
             f"{what} breaks its own layout: {error}",
             where=where,
-            fix="record it again, or choose another topic; a damaged file may also do this",
+            fix=fix,
         ) from error
 
 

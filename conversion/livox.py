@@ -8,7 +8,7 @@ import numpy as np
 
 from civil_rgbd.conversion.cdr import CdrError, CdrReader
 from civil_rgbd.conversion.point_clouds import NOISE_BITS
-from civil_rgbd.conversion.point_time import PointTime, point_stamps_ns
+from civil_rgbd.conversion.point_time import PointTime, PointTimeError, point_stamps_ns
 from civil_rgbd.domain.scan import LidarScan
 
 POINT_BYTES: Final = 19
@@ -51,7 +51,10 @@ def scan_from_livox(
         return LidarScan(stamp_ns, points, np.zeros(0, np.int64), np.zeros(0, np.bool_), in_map)
     for axis in range(3):
         points[:, axis] = view("f4", 4 + 4 * axis)
-    stamps_ns = point_stamps_ns(view("u4", 0), LIVOX_TIME, header_ns=stamp_ns, points=points)
+    try:
+        stamps_ns = point_stamps_ns(view("u4", 0), LIVOX_TIME, header_ns=stamp_ns, points=points)
+    except PointTimeError as error:  # no option says it otherwise: the message is damaged
+        raise CdrError(str(error)) from error
     noise = (view("u1", 17).view(np.uint8) & NOISE_BITS) != 0
     return LidarScan(stamp_ns, points, stamps_ns, noise, in_map)
 

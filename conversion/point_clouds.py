@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.conversion.cdr import CdrError, CdrReader
+from civil_rgbd.conversion.cdr import CdrError, CdrReader, ContentError
 from civil_rgbd.conversion.point_time import PointTime, point_stamps_ns
 from civil_rgbd.domain.scan import LidarScan
 
@@ -115,10 +115,15 @@ def column(cloud: Cloud, name: str) -> NDArray[np.generic]:
         (height, width) in the recorded type and byte order.
 
     Raises:
-        CdrError: the cloud has no such field, or the field reaches over the point's end.
+        ContentError: the cloud has no such field.
+        CdrError: the field reaches over the point's end.
     """
     if name not in cloud.fields:
-        raise CdrError(f"it has no field {name!r}, only {', '.join(map(repr, cloud.fields))}")
+        known = ", ".join(map(repr, cloud.fields)) or "none at all"
+        raise ContentError(
+            f"it has no field {name!r}, only {known}",
+            "choose another topic with --lidar-topic; a point cloud has fields x, y and z",
+        )
     offset, code = cloud.fields[name]
     if code not in DATATYPES.values():
         raise CdrError(f"field {name!r} has {code}, which is none of 1 to 8")
@@ -144,7 +149,8 @@ def points_of(cloud: Cloud) -> NDArray[np.floating]:
         keep their digits.
 
     Raises:
-        CdrError: x, y or z is missing or misplaced.
+        ContentError: x, y or z is missing.
+        CdrError: it is misplaced.
     """
     if not cloud.count:
         return np.zeros((0, 3), dtype=np.float32)
@@ -173,7 +179,8 @@ def scan_from_cloud(
         read: reads its encoding.
 
     Raises:
-        CdrError: it breaks its layout, or its point times are not near its header.
+        CdrError: it breaks its layout.
+        ContentError: a field is missing, or its point times are not near its header.
     """
     cloud = parse_cloud(payload, read)
     points = points_of(cloud)

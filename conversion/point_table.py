@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.conversion.cdr import CdrError
+from civil_rgbd.conversion.cdr import ContentError
 from civil_rgbd.conversion.point_clouds import NOISE_BITS
 from civil_rgbd.conversion.point_time import PointTime, point_stamps_ns
 from civil_rgbd.domain.scan import LidarScan
@@ -54,7 +54,11 @@ def reading_cloud(path: Path) -> Iterator[None]:
     """
     try:
         yield
-    except (LayoutError, CdrError) as error:
+    except ContentError as error:
+        raise RecordingError(
+            f"the scan cannot be used: {error}", where=path, fix=error.fix
+        ) from error
+    except LayoutError as error:
         raise RecordingError(
             f"the scan breaks its own layout: {error}",
             where=path,
@@ -121,7 +125,7 @@ def scan_from_table(
 
     Raises:
         LayoutError: a column is missing.
-        CdrError: point times are not near the scan's stamp.
+        ContentError: point times are not near the scan's stamp.
     """
     wanted = ["x", "y", "z", *([point_time.field] if point_time else [])]
     for name in wanted:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from civil_rgbd.constants import MAX_POINT_TIME_OFFSET_NS, NS_PER_S
-from civil_rgbd.conversion.cdr import CdrError
+from civil_rgbd.conversion.cdr import ContentError
 from civil_rgbd.errors import RecordingError, UsageError
 from civil_rgbd.resources import nearest
 
@@ -49,6 +49,10 @@ _LOOKS_LIKE_TIME: Final = re.compile(r"^(t|ts|dt)$|time|stamp", re.IGNORECASE)
 _FAR_NS: Final = 4_000_000_000_000_000_000  # the year 2096; sums with a header stamp stay in int64
 
 
+class PointTimeError(ContentError):
+    """Points are stamped far from their message: most likely their unit is another one."""
+
+
 @dataclass(frozen=True, slots=True)
 class PointTime:
     """How to read a cloud's point times.
@@ -70,6 +74,15 @@ class PointTime:
         """How far a point's stamp may lie from its header's, inclusive."""
         offsets = self.unsigned and self.reference == "header"
         return (0 if offsets else -MAX_POINT_TIME_OFFSET_NS, MAX_POINT_TIME_OFFSET_NS)
+
+    @property
+    def words(self) -> str:
+        """The rule as ``--point-time`` takes it; its unit is ``s|ns`` while that is open.
+
+        >>> PointTime("t", "ns", "header", unsigned=True).words
+        't:ns:header'
+        """
+        return f"{self.field}:{self.unit or 's|ns'}:{self.reference}"
 
 
 def point_time_of(types: dict[str, str], option: str | None, *, where: object) -> PointTime | None:
@@ -128,6 +141,37 @@ def _from_option(types: dict[str, str], option: str, *, where: object) -> PointT
     return PointTime(field, rest[0], REFERENCES[rest[1]], unsigned=types[field].startswith("u"))
 
 
+def settled(
+    rule: PointTime,
+    values: NDArray[np.generic],
+    *,
+    header_ns: int,
+    points: NDArray[np.floating],
+) -> PointTime:
+    """Settle the unit of absolute times by the magnitude of one cloud's.
+
+    Args:
+        rule: perhaps without a unit.
+        values: (N,) as recorded.
+        header_ns: the message's stamp.
+        points: (N, 3) metres; tells which points are returns.
+
+    Returns:
+        a rule with a unit; the same one where it had a unit, or where no return has a time.
+    """
+    if rule.unit is not None:
+        return rule
+    # Nanoseconds are a thousand million times seconds: a factor of 100,000 above the header's
+    # own seconds tells them apart, for clocks that count from 1970 and for those from power-on.
+    # The median, as single points may carry junk.
+    times = _as_float64(values[_returned(points)])
+    times = np.abs(times[np.isfinite(times)])
+    if not times.any():
+        return rule
+    far = float(np.median(times)) > 1e5 * max(abs(header_ns) / NS_PER_S, 1.0)
+    return replace(rule, unit="ns" if far else "s")
+
+
 def point_stamps_ns(
     values: NDArray[np.generic], rule: PointTime, *, header_ns: int, points: NDArray[np.floating]
 ) -> NDArray[np.int64]:
@@ -145,9 +189,10 @@ def point_stamps_ns(
         (N,) int64 nanoseconds, LiDAR clock.
 
     Raises:
-        CdrError: a return lies further from the header than a message can be long.
+        PointTimeError: a return lies further from the header than a message can be long.
     """
-    unit_ns = UNIT_NS[rule.unit or _unit_by_magnitude(values, header_ns)]
+    rule = settled(rule, values, header_ns=header_ns, points=points)
+    unit_ns = UNIT_NS[rule.unit or "s"]  # without a return no time matters
     offsets_ns, usable = _whole_ns(values, unit_ns)
     if rule.reference != "header":
         offsets_ns += _zero_ns(rule.reference, header_ns) - header_ns
@@ -155,10 +200,10 @@ def point_stamps_ns(
         offsets_ns = (offsets_ns + _WEEK_NS // 2) % _WEEK_NS - _WEEK_NS // 2
     near = usable & (np.abs(offsets_ns) <= MAX_POINT_TIME_OFFSET_NS)
     if not near.all():
-        returned = np.isfinite(points).all(axis=1) & (points != 0).any(axis=1)
+        returned = _returned(points)
         astray = returned & ~near
         if astray.any():
-            raise CdrError(_astray(rule, offsets_ns[returned & usable], header_ns, astray))
+            raise _astray(rule, offsets_ns[returned & usable], header_ns, astray)
         offsets_ns = np.where(near, offsets_ns, 0)
     stamps_ns: NDArray[np.int64] = offsets_ns + header_ns
     return stamps_ns
@@ -174,13 +219,9 @@ def _zero_ns(reference: str, header_ns: int) -> int:
     return 0
 
 
-def _unit_by_magnitude(values: NDArray[np.generic], header_ns: int) -> str:
-    # Nanoseconds are a thousand million times seconds: a factor of 100,000 above the header's
-    # own seconds tells them apart, for clocks that count from 1970 and for those from power-on.
-    seconds = _as_float64(values)
-    finite = seconds[np.isfinite(seconds)]
-    largest = float(np.abs(finite).max()) if len(finite) else 0.0
-    return "ns" if largest > 1e5 * max(abs(header_ns) / NS_PER_S, 1.0) else "s"
+def _returned(points: NDArray[np.floating]) -> NDArray[np.bool_]:
+    returned: NDArray[np.bool_] = np.isfinite(points).all(axis=1) & (points != 0).any(axis=1)
+    return returned
 
 
 def _whole_ns(
@@ -204,14 +245,21 @@ def _as_float64(values: NDArray[np.generic]) -> NDArray[np.float64]:
 
 def _astray(
     rule: PointTime, offsets_ns: NDArray[np.int64], header_ns: int, astray: NDArray[np.bool_]
-) -> str:
+) -> PointTimeError:
     header_s = header_ns / NS_PER_S
+    fix = (
+        f"say what {rule.field!r} means: --point-time {rule.field}:UNIT:REFERENCE, it was read as "
+        f"{rule.words}; or go without point times: --point-time none"
+    )
     if not len(offsets_ns):
-        return f"field {rule.field!r} holds no finite point time; the header is at {header_s} s"
+        return PointTimeError(
+            f"field {rule.field!r} holds no finite point time; the header is at {header_s} s", fix
+        )
     first_s = int(offsets_ns.min()) / NS_PER_S
     last_s = int(offsets_ns.max()) / NS_PER_S
-    return (
+    return PointTimeError(
         f"the times of {int(astray.sum())} points are more than "
         f"{MAX_POINT_TIME_OFFSET_NS / NS_PER_S:g} s from their header: field {rule.field!r} spans "
-        f"{header_s + first_s:.6f} to {header_s + last_s:.6f} s, the header is at {header_s:.6f} s"
+        f"{header_s + first_s:.6f} to {header_s + last_s:.6f} s, the header is at {header_s:.6f} s",
+        fix,
     )

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from civil_rgbd.conversion.cdr import CdrError, CdrReader, decoding, read_stamp_and_frame
+from civil_rgbd.conversion.cdr import (
+    CdrError,
+    CdrReader,
+    ContentError,
+    decoding,
+    read_stamp_and_frame,
+)
 from civil_rgbd.errors import RecordingError
 
 from . import messages
@@ -65,3 +71,13 @@ def test_decoding_names_message_and_place() -> None:
     ):
         raise CdrError("too short")
     assert caught.value.where == "a.mcap: /lidar"
+
+
+def test_decoding_hands_on_the_remedy_of_content_that_cannot_be_used() -> None:
+    with (
+        pytest.raises(RecordingError, match="cloud 3: it is upside down") as caught,
+        decoding("cloud 3", where="a.mcap: /lidar"),
+    ):
+        raise ContentError("it is upside down", "turn it")
+    assert caught.value.fix == "turn it"
+    assert "layout" not in caught.value.what

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from civil_rgbd.conversion.cdr import CdrError
+from civil_rgbd.conversion.cdr import CdrError, ContentError
 from civil_rgbd.conversion.point_clouds import parse_cloud, points_of, scan_from_cloud
-from civil_rgbd.conversion.point_time import PointTime, point_time_of
+from civil_rgbd.conversion.point_time import PointTime, PointTimeError, point_time_of
 
 from . import messages
 
@@ -136,8 +136,9 @@ def test_a_short_row_step_is_refused() -> None:
 
 def test_a_cloud_without_z_names_its_fields() -> None:
     points = np.zeros(2, dtype=[("x", "<f4"), ("y", "<f4"), ("zed", "<f4")])
-    with pytest.raises(CdrError, match="no field 'z', only 'x', 'y', 'zed'"):
+    with pytest.raises(ContentError, match="no field 'z', only 'x', 'y', 'zed'") as caught:
         decode(messages.point_cloud(STAMP, points))
+    assert "--lidar-topic" in caught.value.fix
 
 
 def test_whole_numbers_are_coordinates_too() -> None:
@@ -178,6 +179,16 @@ def test_absolute_seconds_and_nanoseconds_are_told_by_magnitude() -> None:
     assert np.abs(scan.point_stamps_ns - [STAMP + 1024, STAMP + 2048]).max() <= 256  # of float64
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e9])
+def test_junk_in_single_points_does_not_tell_the_unit(scale: float) -> None:
+    times = [1_700_000_000.25, 1e18, 1_700_000_000.5, 1_700_000_000.75]
+    points = with_time("timestamp", "<f8", [time * scale for time in times])
+    points["x"][1] = np.nan
+    scan = decode(messages.point_cloud(STAMP, points))
+    offsets_ns = [250_000_000, STAMP % 10**9, 500_000_000, 750_000_000]
+    assert np.abs(scan.point_stamps_ns - 17 * 10**17 - offsets_ns).max() <= 256  # of float64
+
+
 @pytest.mark.parametrize("header_ns", [0, 50_000_000, 500 * 10**9])
 def test_clocks_that_count_from_power_on_are_told_by_magnitude_too(header_ns: int) -> None:
     later_ns = header_ns + 90_000_000
@@ -195,12 +206,16 @@ def test_epoch_option_reads_unusual_absolute_times() -> None:
 
 def test_times_far_from_the_header_name_both_ranges() -> None:
     points = with_time("time", "<f4", [0.0, 4.0])
-    with pytest.raises(CdrError, match=r"spans 1700000000\.123457 to 1700000004\.123457 s, the he"):
+    says = r"spans 1700000000\.123457 to 1700000004\.123457 s, the he"
+    with pytest.raises(PointTimeError, match=says) as caught:
         decode(messages.point_cloud(STAMP, points))
+    assert "--point-time time:UNIT:REFERENCE" in caught.value.fix
+    assert "read as time:s:header" in caught.value.fix
+    assert "--point-time none" in caught.value.fix
 
 
 def test_not_a_number_is_no_time() -> None:
-    with pytest.raises(CdrError, match="no finite point time"):
+    with pytest.raises(PointTimeError, match="no finite point time"):
         decode(messages.point_cloud(STAMP, with_time("time", "<f4", [np.nan, np.nan])))
 
 
