@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -116,6 +117,38 @@ def test_two_workers_load_the_same_samples(dataset: Path) -> None:
     depths = torch.cat([batch["depth"] for batch in loaded])
 
     assert torch.equal(depths, torch.stack([sample["depth"] for sample in samples]))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows limits no file sizes")
+def test_a_disk_that_is_full_is_said_and_nothing_is_visible(raw: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "civil_rgbd", "build", *SETTINGS, "--workers", "1"]
+    command += ["--out", str(tmp_path / "out"), str(raw)]
+
+    done = subprocess.run(
+        ["/bin/sh", "-c", 'ulimit -f 20 && exec "$@"', "sh", *command],  # 10 kB: no frame fits
+        capture_output=True,
+        check=False,
+        text=True,
+    )
+
+    assert done.returncode == 2
+    assert "cannot write" in done.stderr
+    assert "free some space" in done.stderr
+    assert not list(tmp_path.rglob("manifest.json"))
+
+
+@pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere"
+)
+def test_a_folder_that_is_not_writable_is_said(
+    raw: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tmp_path.chmod(0o500)
+
+    status = main(["build", *SETTINGS, "--out", str(tmp_path / "out"), str(raw)])
+
+    assert status == 2
+    assert "make the folder writable" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -48,7 +48,7 @@ def bridge_info_from_toml(path: Path, bridge_id: str) -> BridgeInfo:
     if faults:
         listing = "".join(f"\n    {place}: {words}" for place, words in faults)
         raise UsageError(
-            f"the bridge's description has {len(faults)} faults:{listing}",
+            f"the bridge's description has {len(faults)} fault{'s' if len(faults) > 1 else ''}:{listing}",
             where=path,
             fix="docs/format.md explains every key of bridge.toml",
         )
