@@ -26,6 +26,7 @@ from civil_rgbd.trajectories.pose_table import (
     checked_trajectory,
     read_pose_table,
 )
+from civil_rgbd.trajectories.quality import quality_path, with_quality
 from civil_rgbd.trajectories.r3live_log import looks_like_r3live_log, read_r3live_log
 from civil_rgbd.trajectories.tum import looks_like_tum, read_tum
 
@@ -64,7 +65,7 @@ class TrajectoryFile:
         trajectory: its poses, ``T_map_body``.
         format: key of :data:`FORMATS`.
         body: whose poses they are, where the format says so: camera, lidar or imu.
-        sources: the file, and the time list that gave it stamps.
+        sources: the file, the time list that gave it stamps, and the quality beside it.
         note: where the poses come from, in words, for the manifest.
     """
 
@@ -150,6 +151,10 @@ def read_trajectory_file(
     sources = [file_source(path, f"trajectory-{name}")]
     if times_path is not None:
         sources.append(file_source(times_path, "times"))
+    judged = quality_path(path)
+    if judged.exists():
+        trajectory = with_quality(trajectory, judged, time_offset_ns=time_offset_ns)
+        sources.append(file_source(judged, "pose-quality"))
     return TrajectoryFile(
         trajectory,
         name,
