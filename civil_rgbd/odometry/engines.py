@@ -44,6 +44,7 @@ class Engine:
         program: what the distribution installs.
         licence: SPDX.
         suits: the sensors it is for, in words.
+        all_round: they are sensors that look all round.
         livox_messages: it is given Livox CustomMsg, otherwise PointCloud2.
         arguments: what the program is called with.
         stamps_name: the instant of a scan that the stamps of its poses name.
@@ -56,6 +57,7 @@ class Engine:
     program: str
     licence: str
     suits: str
+    all_round: bool
     livox_messages: bool
     arguments: Callable[[EngineFiles], list[str]]
     stamps_name: str
@@ -91,7 +93,8 @@ ENGINES: Final = {
             requirements=("genz-lio[rosbag]==0.1.1",),
             program="genz_lio_pipeline",
             licence="GPL-2.0-only",
-            suits="hand-held Livox Avia and others that look one way",
+            suits="a hand-held Livox Avia and others that look one way",
+            all_round=False,
             livox_messages=True,
             arguments=_genz_lio,
             stamps_name=END,
@@ -103,7 +106,8 @@ ENGINES: Final = {
             requirements=("se3-lio==0.2.0",),
             program="se3_lio_pipeline",
             licence="GPL-2.0-only",
-            suits="hand-held Livox Avia and others that look one way",
+            suits="a hand-held Livox Avia and others that look one way",
+            all_round=False,
             livox_messages=False,
             arguments=_se3_lio,
             stamps_name=END,
@@ -117,6 +121,7 @@ ENGINES: Final = {
             program="rko_lio",
             licence="MIT",
             suits="sensors that look all round",
+            all_round=True,
             livox_messages=False,
             arguments=_rko_lio,
             stamps_name=END,
