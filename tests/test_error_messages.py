@@ -153,6 +153,27 @@ def _recipe_file(text: str) -> Case:
     return case
 
 
+def _registry(sha256: str = "0" * 64) -> Case:
+    def case(folder: Path) -> list[str]:
+        entry = {"id": "B1", "version": "1.0", "where": "https://example.org/B1.tar"}
+        entry |= {"sha256": sha256, "size_bytes": 10_240, "licence": "CC-BY-4.0"}
+        document = {"format_version": "1.0", "bridges": [entry]}
+        (folder / "registry.json").write_text(json.dumps(document))
+        listed = ["--registry", str(folder / "registry.json")]
+        return ["download", "B7", "--out", str(folder / "out"), *listed]
+
+    return case
+
+
+def _answers(text: str) -> Case:
+    def case(folder: Path) -> list[str]:
+        (folder / "answers.toml").write_text(text)
+        given = ["--from", str(folder / "answers.toml")]
+        return ["new-bridge", "B1", "--out", str(folder / "out"), *given]
+
+    return case
+
+
 CASES: dict[str, Case] = {
     "no such file": _no_such_file,
     "not an MCAP": _not_an_mcap,
@@ -196,6 +217,13 @@ CASES: dict[str, Case] = {
     "unknown exporter": lambda folder: [
         *("export", str(folder), "--to", "kiti", "--out", str(folder / "out")),
     ],
+    "pack nothing": lambda folder: ["pack", str(folder)],
+    "bridge that no registry lists": _registry(),
+    "registry without a hash": _registry("later"),
+    "licence that is an expression": _answers('licence = "MIT OR CC-BY-4.0"'),
+    "structure that is no word of the list": _answers('[structure]\ntype = "viaduct"'),
+    "date that is none": _answers('survey_dates = ["2023-02-30"]'),
+    "unknown key in answers": _answers('ownr = "me"'),
     "unknown simulated bridge": lambda folder: [
         "simulate",
         "--bridge",
