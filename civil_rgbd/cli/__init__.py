@@ -23,6 +23,7 @@ COMMANDS: Final = {
     "inspect-recording": "Say what a raw recording holds, and what it lacks for a build.",
     "new-bridge": "Say what a contributed bridge is: place, owner, consent, licence.",
     "pack": "Pack a bridge for submission, with a report.",
+    "poses": "Compute poses for a recording that has none.",
     "recipes": "List the recipes that ship, or print one.",
     "rig": "Import a calibration as a rig file, or check one against a recording.",
     "simulate": "Write a simulated recording.",
