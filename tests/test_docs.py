@@ -170,7 +170,8 @@ def test_every_option_that_a_page_names_is_one() -> None:
     known = {"--help", "--version"}
     for name in COMMANDS:
         command = importlib.import_module(f"civil_rgbd.cli.{name.replace('-', '_')}").command
-        known |= {option for parameter in command.params for option in parameter.opts}
+        for one in (command, *getattr(command, "commands", {}).values()):
+            known |= {option for parameter in one.params for option in parameter.opts}
     strangers = {"--check", "--strict", "--config-file", "--no-deps", "--target"}  # ruff, mypy, pip
     for page in PAGES:
         text = re.sub(r"```text.*?```", "", (ROOT / page).read_text("utf-8"), flags=re.DOTALL)
