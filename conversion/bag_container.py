@@ -32,9 +32,7 @@ from civil_rgbd.conversion.bag_records import (
 )
 from civil_rgbd.conversion.compression import ChunkError, UnknownCompressionError
 from civil_rgbd.conversion.container import (
-    HEAD_BYTES,
     NO_CHUNK,
-    SMALL_MESSAGE_BYTES,
     Extent,
     Sink,
     SinkFor,
@@ -43,6 +41,7 @@ from civil_rgbd.conversion.container import (
 _BUFFER_BYTES: Final = 1 << 14  # small messages lie close together, large ones are stepped over
 _LARGEST_HEADER: Final = 1 << 16
 _SCAN_BYTES: Final = 1 << 20
+_START_BYTES: Final = 4096  # holds most small messages, and the header of every large one
 
 Read = Callable[[int, int], bytes | memoryview]
 """Returns bytes from a position on, fewer at the end."""
@@ -65,6 +64,13 @@ def walk(path: Path, sink_for: SinkFor, size_bytes: int, base: int = 0) -> Exten
     """
     with path.open("rb", buffering=_BUFFER_BYTES) as file:
         return _Walk(file, sink_for, size_bytes, base).run()
+
+
+def _within(content: bytes | memoryview, base: int) -> Read:
+    def read(at: int, length: int) -> bytes | memoryview:
+        return content[at - base : at - base + length]
+
+    return read
 
 
 class _Walk:
@@ -90,12 +96,16 @@ class _Walk:
 
     def _record(self, at: int) -> int | None:
         """Read the record at ``at``; return where to go on, None at the end."""
-        message = message_head(self._read(at, MESSAGE_HEAD_BYTES))
+        start = self._read(at, _START_BYTES)
+        message = message_head(start)
         if message is not None:
             offset = at + MESSAGE_HEAD_BYTES
             after = offset + message[2]
             if after <= (self._chunk_end if at < self._chunk_end else self._size):
-                self._message(message, self._read, offset, NO_CHUNK)
+                if after <= at + _START_BYTES:
+                    self._message(message, _within(start, at), offset, NO_CHUNK)
+                else:
+                    self._message(message, self._read, offset, NO_CHUNK)
                 return after
         try:
             head = self._head(self._read, at, self._size)
@@ -162,10 +172,7 @@ class _Walk:
         return after
 
     def _records_in_chunk(self, start: int, records: memoryview) -> bool:
-        def read(at: int, length: int) -> memoryview:
-            return records[at : at + length]
-
-        at, end = 0, len(records)
+        read, at, end = _within(records, 0), 0, len(records)
         while at < end:
             message = message_head(records[at : at + MESSAGE_HEAD_BYTES])
             if message is not None and at + MESSAGE_HEAD_BYTES + message[2] <= end:
@@ -196,8 +203,8 @@ class _Walk:
         sink = self._sinks[connection]
         if sink is None:
             return
-        cut = sink.head_only and length > SMALL_MESSAGE_BYTES
-        payload = memoryview(read(offset, min(length, HEAD_BYTES) if cut else length))
+        wanted = min(length, _START_BYTES) if sink.head_only else length
+        payload = memoryview(read(offset, wanted))
         place = (
             (NO_CHUNK, self._base + offset, length)
             if chunk_start == NO_CHUNK

@@ -33,6 +33,7 @@ _MESSAGE_HEAD: Final = re.compile(
     rb"(.{4})",
     re.DOTALL,
 )
+_MESSAGE_NUMBERS: Final = struct.Struct("<IIII")
 _TIME: Final = struct.Struct("<II")
 
 _CHUNK_FIELD: Final = rb"(?:\x04\0\0\0op=\x05|.\0\0\0compression=[a-z0-9]{1,8}|\x09\0\0\0size=.{4})"
@@ -91,7 +92,8 @@ def message_head(start: bytes | memoryview) -> tuple[int, int, int] | None:
     conn, time, length = match.groups()
     if conn is None or time is None:
         return None
-    return int.from_bytes(conn, "little"), time_ns(time), int.from_bytes(length, "little")
+    number, seconds, nanoseconds, size = _MESSAGE_NUMBERS.unpack(conn + time + length)
+    return number, seconds * NS_PER_S + nanoseconds, size
 
 
 def time_ns(value: bytes) -> int:
