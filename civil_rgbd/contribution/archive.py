@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, cast
 
-from civil_rgbd.domain.frame import FrameRow
 from civil_rgbd.errors import FormatError, OutputError
 from civil_rgbd.format.atomic import whole_file
 from civil_rgbd.format.hashes import file_sha256
 from civil_rgbd.format.index import read_index
 from civil_rgbd.format.layout import DEFECTS, FRAMES, INTRINSICS, MANIFEST, POSES
-from civil_rgbd.format.writer import row_paths
 
 SUMS: Final = "SHA256SUMS"
 """Last file of an archive: what ``sha256sum -c`` reads."""
@@ -60,13 +58,11 @@ def bridge_files(folder: Path) -> dict[str, str | None]:
     if (folder / DEFECTS).is_file():
         names[DEFECTS] = None
     for row in read_index(folder / FRAMES):
-        names |= zip(row_paths(row), _file_hashes(row), strict=True)
+        names[row.rgb_path] = row.rgb_file_sha256
+        names[row.depth_path] = row.depth_file_sha256
+        if row.quality_path is not None:
+            names[row.quality_path] = row.quality_file_sha256
     return dict(sorted(names.items()))
-
-
-def _file_hashes(row: FrameRow) -> tuple[str, ...]:
-    hashes = (row.rgb_file_sha256, row.depth_file_sha256, row.quality_file_sha256)
-    return tuple(digest for digest in hashes if digest is not None)
 
 
 def write_archive(folder: Path, bridge_id: str, path: Path) -> Archive:

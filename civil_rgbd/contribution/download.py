@@ -158,9 +158,10 @@ def _checked(folder: Path, entry: RegistryEntry) -> Report:
     report = validate(folder)
     if report.errors:
         first = next(finding for finding in report.findings if finding.level == "error")
+        faults = "1 fault" if report.errors == 1 else f"{report.errors} faults, the first"
         raise DownloadError(
-            f"the archive is what the registry says, but the bridge in it has {report.errors} "
-            f"faults, the first: {first.code} in {first.place}: {first.message}",
+            f"the archive is what the registry says, but the bridge in it has {faults}: "
+            f"{first.code} in {first.place}: {first.message}",
             where=entry.where,
             fix="nothing of it is kept; tell the registry's maintainers",
         )

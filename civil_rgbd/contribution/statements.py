@@ -79,6 +79,8 @@ def making_rows(manifest: Manifest) -> Iterator[tuple[str, str]]:
     for source in manifest.sources:
         words = f"{source.name}, {source.size_bytes:,} bytes, by {source.converter}"
         yield "source", f"{words}\n{source.sha256}"
+    for how, words in sorted(manifest.reading.items()):
+        yield f"read: {how}", words
     yield "made by", f"civil_rgbd {manifest.software.civil_rgbd}"
     for warning in manifest.warnings:
         yield "odd", warning

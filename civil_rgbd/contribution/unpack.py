@@ -142,8 +142,9 @@ def _compare(
     ours = {f"{bridge_id}/{inner}": digest for inner, digest in found.items()}
     odd = sorted(name for name in ours.keys() | sums.keys() if ours.get(name) != sums.get(name))
     if odd:
+        more = f" and {len(odd) - 1} others" if len(odd) > 1 else ""
         raise FormatError(
-            f"{len(odd)} files do not fit {SUMS}, the first is {odd[0]!r}",
+            f"{odd[0]!r}{more} and {SUMS} do not agree",
             where=archive,
             fix="download it again; if it stays so, tell those who offer it",
         )

@@ -145,7 +145,7 @@ def test_a_bridge_that_does_not_validate_does_not_get_in(
     write_archive(bridge, "B1", tmp_path / "bad.tar")
     shop.offer((tmp_path / "bad.tar").read_bytes())
 
-    with pytest.raises(DownloadError, match="the bridge in it has 1 faults, the first: pose"):
+    with pytest.raises(DownloadError, match="the bridge in it has 1 fault: pose"):
         download_bridge("B1", tmp_path / "data", registry=str(shop.registry))
 
     assert_nothing_is_there(tmp_path / "data")
