@@ -93,13 +93,11 @@ class TopicTable:
     def __init__(self) -> None:
         self._topics: dict[tuple[str, str], Topic] = {}
         self._unread: dict[tuple[str, str], str] = {}
-        self._others: set[str] = set()
 
     def sink_for(self, name: str, type_name: str, encoding: str) -> Gathered | None:
         """Return what takes the messages of one channel; channels of one topic share it."""
         plain = plain_type(type_name)
         if plain not in _GATHERERS:
-            self._others.add(name)
             return None
         if encoding not in READERS:
             self._unread[name, plain] = encoding
