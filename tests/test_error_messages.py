@@ -18,6 +18,7 @@ import pytest
 from civil_rgbd.cli import main
 
 from .conversion import messages, scene
+from .trajectories import calibrations
 
 GOLDEN = Path(__file__).parent / "data/error_messages.json"
 RIG = """
@@ -174,6 +175,14 @@ def _answers(text: str) -> Case:
     return case
 
 
+def _calibration(text: str, *options: str) -> Case:
+    def case(folder: Path) -> list[str]:
+        (folder / "calibration").write_text(text)
+        return ["rig", "import", str(folder / "calibration"), *options]
+
+    return case
+
+
 CASES: dict[str, Case] = {
     "no such file": _no_such_file,
     "not an MCAP": _not_an_mcap,
@@ -224,6 +233,14 @@ CASES: dict[str, Case] = {
     "structure that is no word of the list": _answers('[structure]\ntype = "viaduct"'),
     "date that is none": _answers('survey_dates = ["2023-02-30"]'),
     "unknown key in answers": _answers('ownr = "me"'),
+    "calibration of no known format": _calibration('{"a": 1}'),
+    "unknown calibration format": _calibration("0,1", "--from", "r4live"),
+    "calibration without the image's size": _calibration(calibrations.DIRECT_VISUAL),
+    "calibration that mirrors": _calibration("1,0,0,0\n0,1,0,0\n0,0,-1,0\n0,0,0,1\n"),
+    "calibration that was not finished": _calibration(
+        calibrations.DIRECT_VISUAL.replace('"T_lidar_camera"', '"init_T_lidar_camera_auto"')
+    ),
+    "inspect nothing": lambda folder: ["inspect-recording", str(folder / "missing.mcap")],
     "unknown simulated bridge": lambda folder: [
         "simulate",
         "--bridge",
