@@ -6,10 +6,13 @@ the other, and the imported transform must bring it back.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from civil_rgbd.domain.rig import RigFile
@@ -304,6 +307,7 @@ def test_opencalib_between_two_cameras_is_refused(tmp_path: Path) -> None:
         (files.R3LIVE.replace("860.5, 0.0", "860.5, 5.0"), "skew"),
         (files.R3LIVE.replace("860.5", "-860.5"), "focal lengths are not positive"),
         (files.R3LIVE.replace("1280", "1280.5"), "size is 1280.5 x 1024"),
+        (files.R3LIVE.replace("[0.05, 0.04, -0.03]", "&a [*a, *a]"), "more than 1000 items"),
         (files.LIVOX_EXTRINSIC.replace("0,0,0,1", "0,0,1,1"), "last row"),
         (files.LIVOX_EXTRINSIC.replace("0,0,0,1", "0,0,0,1\n1,2,3,4"), "20 numbers, not 16"),
         (files.OPENCV.replace("0. ]\navg", "0., 1, 1, 1, 1, 1, 1, 1, 1, 1 ]\navg"), "tilt"),
@@ -397,3 +401,19 @@ def test_json_and_matrices_need_no_extra(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setitem(sys.modules, "yaml", None)
     assert imported(tmp_path, files.LIVOX_EXTRINSIC).rig.extrinsics
     assert imported(tmp_path, files.OPENCALIB_EXTRINSIC).rig.extrinsics
+
+
+@settings(max_examples=200)
+@given(data=st.data())
+def test_no_damage_of_a_calibration_crashes_or_hangs(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    known = [value for name, value in vars(files).items() if name.isupper()]
+    text = data.draw(st.sampled_from(known))
+    at, length = data.draw(st.integers(0, len(text))), data.draw(st.integers(0, 20))
+    put = data.draw(st.text(alphabet="[]{}:-&*!,.#\"'0e\n a\t%", max_size=8))
+    path = tmp_path_factory.mktemp("fuzz") / "calibration"
+    path.write_text(text[:at] + put + text[at + length :], encoding="utf-8")
+
+    with suppress(UsageError):
+        import_rig([path], None, Request(image_size_px=None, camera="cam0"))

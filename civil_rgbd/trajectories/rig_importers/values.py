@@ -29,6 +29,10 @@ _OPENCV_COUNTS: Final = (4, 5, 8, 12)
 """Lengths of OpenCV's distortion vector that are read; 14 would tilt the sensor."""
 
 
+_MOST_ITEMS: Final = 1000
+_CHECK: Final = "compare it with the calibration program's own example"
+
+
 @dataclass(frozen=True, slots=True)
 class Request:
     """What the user adds where a calibration leaves it out.
@@ -70,12 +74,16 @@ def numbers(value: Any, count: int | None, *, where: str) -> list[float]:  # noq
         value = value["data"]
     flat: list[Any] = []
     waiting = [value]
-    while waiting and len(flat) < 1000:
+    for _ in range(_MOST_ITEMS):  # an alias can make a list contain itself
+        if not waiting:
+            break
         item = waiting.pop(0)
         if isinstance(item, list | tuple):
             waiting = [*item, *waiting]
         else:
             flat.append(item)
+    if waiting:
+        raise UsageError(f"it has more than {_MOST_ITEMS} items", where=where, fix=_CHECK)
     try:
         # YAML 1.1 takes 1e-3, which has no point, for text.
         found = [float("nan") if isinstance(item, bool) else float(item) for item in flat]
@@ -88,9 +96,6 @@ def numbers(value: Any, count: int | None, *, where: str) -> list[float]:  # noq
     if not all(map(math.isfinite, found)):
         raise UsageError("it has a number that is not finite", where=where, fix=_CHECK)
     return found
-
-
-_CHECK: Final = "compare it with the calibration program's own example"
 
 
 def number(value: Any, *, where: str) -> float:  # noqa: ANN401  # the door: foreign data
