@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.writer import CompressionType
 
 from civil_rgbd.cli import main
 from civil_rgbd.converters import inspect_recording, open_recording
@@ -454,3 +458,24 @@ def test_a_source_of_scans_alone_says_all_that_must_come_from_beside(
     out = capsys.readouterr().out
     for code in ("build-refuses", "no-poses", "no-images", "no-camera-model"):
         assert f"error: {code}: " in out
+
+
+@settings(max_examples=60)
+@given(data=st.data())
+def test_damage_of_any_kind_is_inspected_or_refused_clearly(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    path = tmp_path_factory.mktemp("fuzz") / "scan.mcap"
+    whole = scene.write(path, scene.whole(), crcs=False, compression=CompressionType.NONE)
+    content = bytearray(whole.read_bytes())
+    for _ in range(data.draw(st.integers(1, 4))):
+        content[data.draw(st.integers(8, len(content) - 1))] = data.draw(st.integers(0, 255))
+    path.write_bytes(content[: data.draw(st.integers(len(content) // 2, len(content)))])
+
+    with suppress(CivilRgbdError):
+        options = RecordingOptions(salvage=data.draw(st.booleans()))
+        summary = inspect_recording(path, options)
+        findings = findings_of(summary, options)
+        assert InspectionReport(summary, findings).to_text()
+        errors = any(finding.level == "error" for finding in findings)
+        assert errors == (summary.refusal is not None)
