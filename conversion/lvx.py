@@ -26,7 +26,6 @@ from civil_rgbd.domain.scan import LidarScan
 from civil_rgbd.errors import RecordingError, UsageError
 
 _HEADER_BYTES: Final = 29 + 255 * 63
-_SAID_AT_MOST: Final = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,35 +130,12 @@ def _opened(path: Path, options: RecordingOptions) -> tuple[LvxHeader, Index, Re
         with path.open("rb") as file:
             start = file.read(_HEADER_BYTES)
         header = read_lvx_header(start, where=path)
-        index = index_scans(path, header, options.lidar_topic)
+        index = index_scans(path, header, options.lidar_topic, salvage=options.salvage)
     except OSError as error:
         raise RecordingError(
             f"the recording cannot be read: {error.strerror or error}",
             where=path,
             fix="check the path, the disk and the file's permissions",
         ) from error
-    notes = RecordingNotes(
-        salvage=_judge(index, options, path), warnings=index.warnings, counts=index.counts
-    )
+    notes = RecordingNotes(salvage=index.salvage, warnings=index.warnings, counts=index.counts)
     return header, index, notes
-
-
-def _judge(index: Index, options: RecordingOptions, path: Path) -> str | None:
-    """Return what was lost, in words; None when nothing was.
-
-    Raises:
-        RecordingError: something was lost, and the user did not ask to go on without it.
-    """
-    if not index.damage:
-        return None
-    said = "; ".join(index.damage[:_SAID_AT_MOST])
-    if len(index.damage) > _SAID_AT_MOST:
-        said += f"; and {len(index.damage) - _SAID_AT_MOST} more"
-    said = f"{said}; {len(index.scans.stamps_ns)} frames are readable"
-    if not options.salvage:
-        raise RecordingError(
-            f"the recording is damaged: {said}",
-            where=path,
-            fix="record or copy it again, or go on with what is readable: --salvage",
-        )
-    return said

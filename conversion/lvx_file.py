@@ -70,6 +70,11 @@ class LvxHeader:
     devices: tuple[Device, ...]
     data_at: int
 
+    @property
+    def keys(self) -> NDArray[np.int64]:
+        """(D,) what packets call the devices."""
+        return np.array([device.key for device in self.devices], dtype=np.int64)
+
 
 def read_lvx_header(start: bytes, *, where: Path) -> LvxHeader:
     """Read the headers of an LVX 1.1 or LVX2 file.

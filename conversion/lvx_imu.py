@@ -31,7 +31,7 @@ def read_imu(path: Path, header: LvxHeader, device: Device) -> ImuReadings:
     kind = IMU_LVX2 if header.second else IMU
     stamps, readings = [], []
     for start, end in frames_of(data, header, []):
-        packets = walk_packets(data[start:end], second=header.second)
+        packets = walk_packets(data[start:end], second=header.second, devices=header.keys)
         of_imu = (packets.kind == kind) & (packets.device == device.key)
         packets = packets.among(of_imu & (packets.length == IMU_BYTES))
         stamps.append(packets.stamps_ns())

@@ -51,7 +51,7 @@ def _little(data, at, width):  # type: ignore[no-untyped-def]  # noqa: ANN001, A
 
 
 @numba.njit(cache=True)
-def _walk(data, second, payload_bytes, rows, stamps):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # a kernel: numba infers
+def _walk(data, second, devices, payload_bytes, rows, stamps):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202, PLR0917  # a kernel: numba infers
     """List packets: rows (R, 5) = device, stamp type, data type, where its points are, bytes."""
     at, count = 0, 0
     header = 27 if second else 19
@@ -64,7 +64,7 @@ def _walk(data, second, payload_bytes, rows, stamps):  # type: ignore[no-untyped
             device = int(data[at])
             stamp_type, stamp_at, kind = int(data[at + 9]), at + 11, int(data[at + 10])
             length = payload_bytes[kind]
-        if length < 0 or at + header + length > len(data):
+        if length < 0 or at + header + length > len(data) or not (devices == device).any():
             break
         rows[count, 0], rows[count, 1], rows[count, 2] = device, stamp_type, kind
         rows[count, 3], rows[count, 4] = at + header, length
@@ -137,12 +137,13 @@ class Packets:
         return self.stamps.astype(np.int64)
 
 
-def walk_packets(data: NDArray[np.uint8], *, second: bool) -> Packets:
+def walk_packets(data: NDArray[np.uint8], *, second: bool, devices: NDArray[np.int64]) -> Packets:
     """List the packets of one frame.
 
     Args:
         data: (B,) uint8, the frame without its header.
         second: it is of an LVX2 file.
+        devices: (D,) those that the header lists; a packet of another one is none.
 
     Returns:
         the whole packets at its start.
@@ -150,7 +151,7 @@ def walk_packets(data: NDArray[np.uint8], *, second: bool) -> Packets:
     header = _LVX2_HEADER_BYTES if second else _LVX_HEADER_BYTES
     rows = np.empty((len(data) // header + 1, 5), dtype=np.int64)
     stamps = np.empty(len(rows), dtype=np.int64)  # their bits; unsigned when they leave here
-    count, end = _walk(data, second, _PAYLOAD_BYTES, rows, stamps)
+    count, end = _walk(data, second, devices, _PAYLOAD_BYTES, rows, stamps)
     device, stamp_type, kind, place, length = (rows[:count, at].copy() for at in range(5))
     return Packets(
         data,

@@ -21,6 +21,7 @@ from civil_rgbd.geometry.transforms import transform_points
 from civil_rgbd.resources import nearest
 
 _MEASURED_PACKETS: Final = 2000
+_SAID_AT_MOST: Final = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,6 +31,7 @@ class LvxScans:
     Attributes:
         path: the file.
         second: it is an LVX2 file.
+        keys: (D,) int64, what packets call the file's devices.
         device: whose points are read.
         interval_ns: from point to point.
         places: (S, 2) int64, start and end of each frame's packets.
@@ -39,6 +41,7 @@ class LvxScans:
 
     path: Path
     second: bool
+    keys: NDArray[np.int64]
     device: Device
     interval_ns: float
     places: NDArray[np.int64]
@@ -60,7 +63,8 @@ class LvxScans:
                 where=self.path,
                 fix="check the disk and the file's permissions",
             ) from error
-        packets = _with_points(walk_packets(data, second=self.second), self.second)
+        packets = walk_packets(data, second=self.second, devices=self.keys)
+        packets = _with_points(packets, self.second)
         packets = packets.among(packets.device == self.device.key)
         try:
             found = points_of_packets(packets, second=self.second, interval_ns=self.interval_ns)
@@ -104,36 +108,38 @@ class Index:
 
     Attributes:
         scans: them.
-        damage: what is broken, in words.
+        salvage: what was lost, in words; None for a whole file.
         counts: what is left out, by name.
         warnings: what is odd.
     """
 
     scans: LvxScans
-    damage: tuple[str, ...]
+    salvage: str | None
     counts: dict[str, int]
     warnings: tuple[str, ...]
 
 
-def index_scans(path: Path, header: LvxHeader, wanted: str | None) -> Index:
+def index_scans(path: Path, header: LvxHeader, wanted: str | None, *, salvage: bool) -> Index:
     """Walk a file once: keep places and stamps.
 
     Args:
         path: the file.
         header: of it.
         wanted: serial number of the device; None takes the only one.
+        salvage: go on with what is readable of a damaged file.
 
     Raises:
-        RecordingError: it holds no points, or its stamps do not ascend.
+        RecordingError: it is damaged, holds no points, or its stamps do not ascend.
         UsageError: several devices recorded, or none goes by the wanted number.
     """
     data = np.memmap(path, dtype=np.uint8, mode="r")
     damage: list[str] = []
     counts: Counter[str] = Counter()
-    walked: dict[int, _Walked] = {}
+    walked = {device.key: _Walked() for device in header.devices}
     for number, (start, end) in enumerate(frames_of(data, header, damage)):
-        packets = walk_packets(data[start:end], second=header.second)
-        if not packets.whole and not damage:
+        packets = walk_packets(data[start:end], second=header.second, devices=header.keys)
+        cut = bool(damage) and damage[-1].startswith(f"frame {number} ")
+        if not packets.whole and not cut:
             at = start + packets.end
             damage.append(f"a packet of frame {number} at byte {at} is broken or cut")
         imu = packets.kind == (IMU_LVX2 if header.second else IMU)
@@ -142,14 +148,33 @@ def index_scans(path: Path, header: LvxHeader, wanted: str | None) -> Index:
         counts["frame-without-points"] += not len(pointed.kind)
         for key in np.unique(pointed.device).tolist():
             try:
-                seen = walked.setdefault(key, _Walked())
-                _note(seen, pointed, key=key, place=(start, end), types=_types(header.second))
+                _note(
+                    walked[key], pointed, key=key, place=(start, end), types=_types(header.second)
+                )
             except ValueError as error:
                 damage.append(f"frame {number} at byte {start}: {error}")
+    lost = _judge(damage, sum(len(seen.places) for seen in walked.values()), path, salvage=salvage)
     device = _chosen(header, walked, wanted, path)
     scans = _scans(path, header, device, walked[device.key])
     kept = {name: count for name, count in counts.items() if count}
-    return Index(scans, tuple(damage), kept, _warnings(device))
+    return Index(scans, lost, kept, _warnings(device))
+
+
+def _judge(damage: list[str], frames: int, path: Path, *, salvage: bool) -> str | None:
+    """Return what was lost, in words; None when nothing was."""
+    if not damage:
+        return None
+    said = "; ".join(damage[:_SAID_AT_MOST])
+    if len(damage) > _SAID_AT_MOST:
+        said += f"; and {len(damage) - _SAID_AT_MOST} more"
+    said = f"{said}; {frames} frames are readable"
+    if not salvage:
+        raise RecordingError(
+            f"the recording is damaged: {said}",
+            where=path,
+            fix="record or copy it again, or go on with what is readable: --salvage",
+        )
+    return said
 
 
 def _note(
@@ -175,13 +200,10 @@ def _note(
 def _chosen(
     header: LvxHeader, walked: dict[int, _Walked], wanted: str | None, path: Path
 ) -> Device:
-    found = [device for device in header.devices if device.key in walked]
-    unnamed = sorted(set(walked) - {device.key for device in header.devices})
-    if unnamed or not found:
+    found = [device for device in header.devices if walked[device.key].places]
+    if not found:
         raise RecordingError(
-            f"packets name devices that the header does not list: {unnamed}"
-            if unnamed
-            else "the file holds no points",
+            "the file holds no points",
             where=path,
             fix="record it again; look at it in Livox Viewer",
         )
@@ -232,6 +254,7 @@ def _scans(path: Path, header: LvxHeader, device: Device, walked: _Walked) -> Lv
     return LvxScans(
         path=path.absolute(),
         second=header.second,
+        keys=header.keys,
         device=device,
         interval_ns=interval_ns,
         places=np.array(walked.places, dtype=np.int64).reshape(-1, 2),
