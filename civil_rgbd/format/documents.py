@@ -142,7 +142,7 @@ def refuse_faults(faults: Iterable[str], *, kind: str, where: object) -> None:
     more = [f"and {len(lines) - _SHOWN_FAULTS} more"] if len(lines) > _SHOWN_FAULTS else []
     listing = "".join(f"\n    {line}" for line in lines[:_SHOWN_FAULTS] + more)
     raise FormatError(
-        f"{len(lines)} fault{'s' if len(lines) > 1 else ''} against schema/{kind}.schema.json:{listing}",
+        f"{len(lines)} faults against schema/{kind}.schema.json:{listing}",
         where=where,
         fix="mend these places; docs/format.md explains every key",
     )
