@@ -8,13 +8,13 @@ import tomllib
 from pathlib import Path
 from typing import Any, Final
 
-from civil_rgbd.domain.bridge import BridgeInfo, Location, Structure
+from civil_rgbd.domain.bridge import BridgeInfo, Contribution, Location, Structure
 from civil_rgbd.errors import UsageError
 from civil_rgbd.format.documents import schema_faults
 from civil_rgbd.format.versions import Document
 from civil_rgbd.resources import load_schema, nearest
 
-_NAMED: Final = {"location": Location, "structure": Structure}
+_NAMED: Final = {"location": Location, "structure": Structure, "contribution": Contribution}
 
 
 def bridge_info_from_toml(path: Path, bridge_id: str) -> BridgeInfo:
