@@ -132,6 +132,9 @@ class CdrReader:
     START: ClassVar[int] = ENCAPSULATION_BYTES
     """Where a message's first field lies."""
 
+    SECONDS_AT: ClassVar[int] = 0
+    """Where, in a header, the seconds of its stamp lie; nanoseconds and frame id follow."""
+
     def __init__(self, payload: memoryview | bytes) -> None:
         self._data = memoryview(payload)
         self.order = self.order_of(self._data)

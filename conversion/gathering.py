@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from civil_rgbd.conversion.cdr import CdrError, CdrReader, frame_name
+from civil_rgbd.conversion.path_poses import PathPoses, poses_of_path
 
 Place = tuple[int, int, int]
 """Chunk start (or -1), offset of the payload, its length.
@@ -128,21 +129,15 @@ class GatheredLivox(Gathered):
 
 
 class GatheredPaths(Gathered):
-    """nav_msgs/Path; notes the place of the longest message, the last of equals."""
+    """nav_msgs/Path: the poses of all messages together."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.longest: tuple[int, Place] | None = None
+        self.path = PathPoses()
 
     def _look(self, payload: memoryview, stamp_ns: int, header_end: int) -> None:
-        del stamp_ns
-        at = self.read.aligned(header_end, 4)
-        if at + 4 > len(payload):
-            raise CdrError("it ends before its poses")
-        (poses,) = _UINT32[self.read.order_of(payload)].unpack_from(payload, at)
-        place = tuple(self._rows[-4:-1])
-        if self.longest is None or poses >= self.longest[0]:
-            self.longest = (poses, (place[0], place[1], place[2]))
+        del stamp_ns, header_end
+        self.path.add(self._rows[-5], *poses_of_path(payload, self.read))
 
 
 class GatheredPoses(Gathered):

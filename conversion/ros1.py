@@ -16,6 +16,7 @@ class Ros1Reader(CdrReader):
     """A cursor over one payload: little endian, every field right behind the last one."""
 
     START: ClassVar[int] = 0
+    SECONDS_AT: ClassVar[int] = 4
 
     @staticmethod
     def order_of(payload: memoryview) -> str:

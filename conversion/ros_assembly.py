@@ -33,7 +33,6 @@ from civil_rgbd.conversion.ros_choice import (
 from civil_rgbd.conversion.ros_poses import (
     Transforms,
     link_that_carries,
-    poses_of_path,
     trajectory_from,
     transforms_from,
 )
@@ -209,13 +208,18 @@ def _poses(
     where = f"{opened.where}: {topic.name}"
     gathered = topic.gathered
     child = ""
-    if isinstance(gathered, GatheredPaths) and gathered.longest is not None:
-        with decoding("Path", where=where):
-            stamps_ns, poses = poses_of_path(
-                opened.payloads.fetch(*gathered.longest[1]), gathered.read
-            )
+    warnings: tuple[str, ...] = ()
+    if isinstance(gathered, GatheredPaths):
+        stamps_ns, poses = gathered.path.together()
         if not len(stamps_ns):
             raise no_poses(where, "every Path is empty")
+        if earlier := gathered.path.from_earlier_messages:
+            warnings = (
+                (
+                    f"{earlier} of {len(stamps_ns)} poses come from earlier Paths than the last "
+                    "one; where several Paths give a stamp, the latest one's pose is taken"
+                ),
+            )
     elif isinstance(gathered, GatheredPoses):
         stamps_ns, poses = gathered.poses()
         _refuse_several(gathered.children, "child frames", where)
@@ -229,7 +233,8 @@ def _poses(
             where=where,
             fix="say so with --pose-of camera, lidar or imu",
         )
-    return _Poses(trajectory_from(stamps_ns, poses, where=where), gathered.frame, child)
+    trajectory = trajectory_from(stamps_ns, poses, where=where)
+    return _Poses(trajectory, gathered.frame, child, warnings)
 
 
 def _poses_from_file(options: RecordingOptions, trajectory: Trajectory, where: object) -> _Poses:

@@ -1,4 +1,4 @@
-"""Poses of a recording to a trajectory: Odometry, PoseStamped, Path, tf."""
+"""Poses of a recording to a trajectory, and tf to what stands still and what moves."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from civil_rgbd.constants import NS_PER_S
-from civil_rgbd.conversion.cdr import CdrReader
 from civil_rgbd.conversion.frame_tree import FrameTree
 from civil_rgbd.conversion.gathering import GatheredTransforms
 from civil_rgbd.errors import RecordingError
@@ -69,29 +68,6 @@ def _check_order(stamps_ns: NDArray[np.int64], where: object) -> None:
 
 def _seconds(stamp_ns: int) -> str:
     return f"{stamp_ns // NS_PER_S}.{stamp_ns % NS_PER_S:09d} s"
-
-
-def poses_of_path(
-    payload: memoryview, read: type[CdrReader] = CdrReader
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Read a ``nav_msgs/Path``: stamps (P,) and poses (P, 7), by the stamps of its poses.
-
-    Args:
-        payload: the message.
-        read: reads its encoding.
-
-    Raises:
-        CdrError: it breaks its layout.
-    """
-    reader = read(payload)
-    reader.header()
-    count = reader.count(smallest_bytes=68)
-    stamps_ns = np.empty(count, dtype=np.int64)
-    poses = np.empty((count, 7))
-    for row in range(count):
-        stamps_ns[row], _ = reader.header()
-        poses[row] = reader.float64s(7)
-    return stamps_ns, poses
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -216,7 +216,58 @@ class TestPoses:
         of_lidar = opened(tmp_path, parts, pose_of="lidar")
         assert np.array_equal(of_lidar.rig.T_body_lidar, np.eye(4))
 
-    def test_the_longest_path_is_taken_with_its_own_stamps(self, tmp_path: Path) -> None:
+    def paths(self, parts: list[list[int]], *, frame: str = "odom") -> list[scene.Message]:
+        """Paths of the given poses; x is the pose's number, y that of the last message with it."""
+        return [
+            scene.Message(
+                "/path",
+                "nav_msgs/msg/Path",
+                scene.stamp(number),
+                messages.path(
+                    scene.stamp(number),
+                    [(scene.stamp(i) + 3, (i, number, 0, 0, 0, 0, 1)) for i in numbers],
+                    frame=frame,
+                ),
+            )
+            for number, numbers in enumerate(parts)
+        ]
+
+    @pytest.mark.parametrize("frame", ["o", "od", "odo", "odom", "odom1"])  # each pads otherwise
+    def test_a_sliding_window_of_paths_loses_no_pose(self, tmp_path: Path, frame: str) -> None:
+        windows = [list(range(i, i + 5)) for i in range(scene.SCANS - 4)]
+        parts = {**scene.whole(), "poses": self.paths(windows, frame=frame)}
+        recording = opened(tmp_path, parts, pose_of="lidar")
+        xyz_m = recording.trajectory.translations_m
+        assert xyz_m[:, 0].tolist() == list(range(scene.SCANS))
+        assert xyz_m[:, 1].tolist() == [min(i, 15) for i in range(scene.SCANS)]
+        assert any("15 of 20 poses" in warning for warning in recording.notes.warnings)
+
+    def test_of_paths_that_overlap_the_later_pose_holds(self, tmp_path: Path) -> None:
+        parts = {**scene.whole(), "poses": self.paths([[0, 2, 4, 6], [2, 3, 4], [6, 8], [3]])}
+        xyz_m = opened(tmp_path, parts, pose_of="lidar").trajectory.translations_m
+        assert xyz_m[:, 0].tolist() == [0, 2, 3, 4, 6, 8]
+        assert xyz_m[:, 1].tolist() == [0, 1, 3, 1, 2, 2]
+
+    def test_a_growing_path_is_no_reason_to_warn(self, tmp_path: Path) -> None:
+        parts = {**scene.whole(), "poses": self.paths([[], [0], list(range(8)), list(range(20))])}
+        recording = opened(tmp_path, parts, pose_of="lidar")
+        assert recording.trajectory.translations_m[:, 1].tolist() == [3.0] * 20
+        assert not any("Path" in warning for warning in recording.notes.warnings)
+
+    def test_a_path_whose_own_stamps_step_back_is_refused(self, tmp_path: Path) -> None:
+        parts = {**scene.whole(), "poses": self.paths([[0, 1, 2], [0, 2, 1]])}
+        with pytest.raises(RecordingError, match=r"pose 2 is stamped .* earlier than") as caught:
+            opened(tmp_path, parts, pose_of="lidar")
+        assert "--pose-topic" in caught.value.fix
+
+    def test_a_cut_path_is_a_damaged_message(self, tmp_path: Path) -> None:
+        parts = {**scene.whole(), "poses": self.paths([[0, 1, 2], list(range(9))])}
+        parts["poses"][1] = parts["poses"][1]._replace(payload=parts["poses"][1].payload[:-9])
+        with pytest.raises(RecordingError, match="message 1: ") as caught:
+            opened(tmp_path, parts, pose_of="lidar")
+        assert caught.value.where.endswith("/path")
+
+    def test_paths_of_several_lengths_come_with_their_own_stamps(self, tmp_path: Path) -> None:
         poses = [(scene.stamp(i) + 3, (i, 0, 0, 0, 0, 0, 1)) for i in range(scene.SCANS)]
         lengths = [3, 20, 12, 20, 5]
         parts = {
