@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import shutil
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from civil_rgbd.domain.bridge import BridgeInfo, Counts, Manifest, Software
+from civil_rgbd.domain.bridge import BridgeInfo, Software
 from civil_rgbd.domain.frame import FrameRow
 from civil_rgbd.domain.recipe import ImageStage
 from civil_rgbd.errors import BuildError, RecordingError
@@ -19,7 +18,7 @@ from civil_rgbd.format.datasets import refresh_dataset
 from civil_rgbd.format.layout import BRIDGES, DEFECTS, PARTIAL
 from civil_rgbd.format.writer import finish_bridge, write_frame
 from civil_rgbd.importers.frame_reader import FrameReader, OtherSizeError
-from civil_rgbd.importers.provenance import set_source
+from civil_rgbd.importers.provenance import imported_manifest
 from civil_rgbd.importers.rendered_set import ImportOptions, RenderedSet
 from civil_rgbd.importers.report import ConvertReport
 from civil_rgbd.importers.scale_check import SCALES, ScaleEvidence, weigh_scales
@@ -80,9 +79,17 @@ def convert_set(
         _refuse_what_is_there(folder, partial, overwrite=options.overwrite)
         try:
             rows, dropped = _write_frames(opened, reader, partial, scale, options)
-            manifest = _manifest(opened, info, options, rows, dropped)
-            warnings = (*scale_warnings, *_warnings(opened, reader, dropped))
-            manifest = replace(manifest, warnings=warnings)
+            manifest = imported_manifest(
+                opened,
+                info,
+                options.software,
+                rows=rows,
+                dropped=dropped,
+                reader=reader,
+                importing=importing,
+                scale=scale,
+                warnings=scale_warnings,
+            )
             finish_bridge(
                 partial,
                 folder,
@@ -198,38 +205,3 @@ def _write_frames(
             fix=last.fix if last else "compare the names of images, depth and poses",
         )
     return rows, dropped
-
-
-def _manifest(
-    opened: RenderedSet,
-    info: BridgeInfo,
-    options: ConvertOptions,
-    rows: list[FrameRow],
-    dropped: Counter[str],
-) -> Manifest:
-    return Manifest(
-        info=info,
-        origin="imported",
-        sources=(set_source(opened),),
-        software=options.software,
-        counts=Counts(
-            images_seen=opened.images_seen,
-            frames_kept=len(rows),
-            dropped=dict(dropped),
-            skipped=dict(opened.skipped),
-            mean_valid_share=math.fsum(row.valid_share for row in rows) / len(rows),
-        ),
-    )
-
-
-def _warnings(opened: RenderedSet, reader: FrameReader, dropped: Counter[str]) -> tuple[str, ...]:
-    said = [*opened.warnings, *reader.warnings]
-    if reader.missing_pixels:
-        said.append(f"{reader.missing_pixels} pixels of every frame have no source: 0 there")
-    if dropped["unreadable_image"]:
-        said.append(f"{dropped['unreadable_image']} images or depths were damaged and left out")
-    if reader.saturated_pixels:
-        said.append(
-            f"{reader.saturated_pixels} depths were at the 16-bit limit, no measurement: 0 there"
-        )
-    return tuple(said)

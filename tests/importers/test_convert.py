@@ -76,6 +76,11 @@ def test_the_bridge_is_valid_and_says_that_it_was_imported(
         *(None, None),
     )
     assert [source.converter for source in manifest.sources] == [importer]
+    assert manifest.reading == {
+        "depth_scale": f"{LAYOUTS[importer][1]:g}",
+        "depth_along": "z",
+        "direction": "camera-to-map",
+    }
 
 
 @pytest.mark.parametrize("importer", ["bridge-rgbd", "kitti-depth", "lab", "tum"])
