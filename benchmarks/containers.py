@@ -9,7 +9,8 @@ Writes a ROS 1 bag of Livox messages, images, IMU and poses to a temporary folde
   (target: 1.5): header stamps, frames, poses and places of all messages, for which rosbags reads
   every message once. The index at a bag's end, which rosbags reads first, has log times and places
   only; the ratio to that alone is printed too;
-- the most memory that opening and reading everything takes, for bags of two sizes: it must not grow.
+- the most memory that opening and reading all scans takes, for bags of two sizes: it must not
+  grow.
 
 Last measured, on two busy cores: 1017 MB/s; a bag of 1 GB in 0.38 s, 0.44 of rosbags' 0.87 s (4.9
 times its index alone); lz4 0.86; memory 5 MB for 0.25 GB, 7 MB for 1 GB.
