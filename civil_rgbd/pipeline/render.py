@@ -105,8 +105,8 @@ def _scatter_nearest(xs, ys, zs, rows, size, limits, steps_per_m, nearest):  # t
             steps = np.floor(depth * steps_per_m + 0.5)
             depths[i] = np.float32(steps if rounded else depth)
         pixels[count:] = missed
-        for pixel in pixels:
-            in_view += np.int32(pixel != missed)
+        for i in range(count):
+            in_view += np.int32(pixels[i] != missed)
         # Neighbours of a scan fall into the same pixel: drawn one after the other, each would wait
         # for the one before it. Points half a line apart do not.
         for i in range(_BLOCK // _STRANDS):
