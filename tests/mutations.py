@@ -156,8 +156,8 @@ MUTATIONS = (
     Mutation(
         "trajectory: its end is outside",
         TRAJECTORY,
-        "within = (stamps_ns >= self.start_ns) & (stamps_ns <= self.end_ns)",
-        "within = (stamps_ns >= self.start_ns) & (stamps_ns < self.end_ns)",
+        "(stamps_ns <= self.end_ns)\n        short",
+        "(stamps_ns < self.end_ns)\n        short",
     ),
     Mutation(
         "trajectory: poses at the edge of a gap are in it",
@@ -431,31 +431,31 @@ MUTATIONS = (
     Mutation(
         "camera's time offset subtracted",
         PLAN,
-        "source_stamps_ns + recording.rig.camera_time_offset_ns",
-        "source_stamps_ns - recording.rig.camera_time_offset_ns",
+        "recording.image_stamps_ns + recording.rig.camera_time_offset_ns",
+        "recording.image_stamps_ns - recording.rig.camera_time_offset_ns",
     ),
     Mutation(
         "camera's time offset left out",
         PLAN,
-        "source_stamps_ns + recording.rig.camera_time_offset_ns",
-        "source_stamps_ns + 0",
+        "recording.image_stamps_ns + recording.rig.camera_time_offset_ns",
+        "recording.image_stamps_ns + 0",
     ),
     Mutation(
         "camera pose: the other order",
         PLAN,
-        "trajectory.transforms_at(stamps_ns[indices]), recording.rig.T_body_camera",
-        "recording.rig.T_body_camera, trajectory.transforms_at(stamps_ns[indices])",
+        "recording.trajectory.transforms_at(stamps_ns[posed]), recording.rig.T_body_camera",
+        "recording.rig.T_body_camera, recording.trajectory.transforms_at(stamps_ns[posed])",
     ),
     Mutation(
         "stored stamp is the camera's",
         PLAN,
-        "stamp_ns=int(stamps_ns[indices[k]])",
-        "stamp_ns=int(source_stamps_ns[indices[k]])",
+        " stamp_ns=int(stamps_ns[posed[k]])",
+        " stamp_ns=int(recording.image_stamps_ns[posed[k]])",
     ),
     Mutation(
         "frame numbered by its place in the plan",
         PLAN,
-        "source_index=int(indices[k])",
+        "source_index=int(posed[k])",
         "source_index=int(k)",
     ),
     Mutation(
