@@ -86,8 +86,7 @@ class JudgedPoses:
         ]
         if self.weak:
             lines.append(
-                f"  geometry gives out: {low} of {len(quality)} poses cannot be trusted, whatever "
-                "the engine says"
+                f"  {low} of {len(quality)} poses cannot be trusted, whatever the engine says:"
             )
             lines += [f"    {stretch.to_text()}" for stretch in self.weak]
             lines.append(f"  leave them out: --set poses.min_quality={LOW_QUALITY}")

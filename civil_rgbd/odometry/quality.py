@@ -27,6 +27,8 @@ _RANGE_M: Final = (0.5, 150.0)
 _MEAN_S, _CARRIED_S, _REST_S = 1.0, 1.5, 0.5
 _STILL_M_S, _STILL_RAD_S, _REST_FORCE_M_S2 = 0.08, 0.05, 0.05
 _FEWEST_READINGS: Final = 10
+_SETTLES_S: Final = 1.5
+_STANDS_FORCE_M_S2, _STANDS_RAD_S = 0.4, 0.15  # of a person who stands, the sensor in the hand
 _HELD_AT_REST: Final = 10.0
 
 
@@ -44,6 +46,8 @@ class PoseMeasures:
         speed_m_s: (P,) from the pose before.
         turn_rad_s: (P,) from the pose before.
         still: (P,) bool, IMU and poses both say that nothing moves.
+        settling: (P,) bool, the first moments of a recording that begins in motion: an engine
+            takes gravity and velocity from them as if it stood.
     """
 
     stamps_ns: NDArray[np.int64]
@@ -53,6 +57,7 @@ class PoseMeasures:
     speed_m_s: NDArray[np.float64]
     turn_rad_s: NDArray[np.float64]
     still: NDArray[np.bool_]
+    settling: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,16 +106,21 @@ def measure_poses(
         recent.add(cells_of(points))
         held_by[k], residual[k], overlap[k] = _against(points, recent.planes())
         on_progress(1, count)
+    if count > 1:
+        # The first scan lies before the first pose, so nothing of it is in the map.
+        held_by[0], residual[0], overlap[0] = held_by[1], residual[1], overlap[1]
     speed, turn = _motion(trajectory)
-    still = (speed < _STILL_M_S) & (turn < _STILL_RAD_S) & _imu_rests(imu, trajectory.stamps_ns)
-    return PoseMeasures(trajectory.stamps_ns, held_by, residual, overlap, speed, turn, still)
+    stamps = trajectory.stamps_ns
+    still = (speed < _STILL_M_S) & (turn < _STILL_RAD_S) & _imu_rests(imu, stamps)
+    settling = (stamps - stamps[0] < round(_SETTLES_S * NS_PER_S)) & _begins_in_motion(imu)
+    return PoseMeasures(stamps, held_by, residual, overlap, speed, turn, still, settling)
 
 
 def quality_of(measures: PoseMeasures, limits: Limits | None = None) -> NDArray[np.float64]:
     """Turn measures into one number a pose: larger is better, 0 is worthless.
 
     It is the number of planes that hold the scan where it is held worst, averaged over a second,
-    as an engine's filter does too. The best of the last seconds counts, since the IMU carries a
+    as an engine's filter does too. The best of the last moments counts, since the IMU carries a
     known velocity that far; while nothing moves, nothing slides. A pose that fits badly counts
     less, one that moves as nobody walks counts nothing.
 
@@ -128,6 +138,7 @@ def quality_of(measures: PoseMeasures, limits: Limits | None = None) -> NDArray[
     held = _over_the_last(held, measures.stamps_ns, _CARRIED_S, np.max)
     fits = np.nan_to_num(limits.residual_m / np.maximum(measures.residual_m, 1e-9), nan=1.0)
     possible = (measures.speed_m_s <= limits.speed_m_s) & (measures.turn_rad_s <= limits.turn_rad_s)
+    possible &= ~measures.settling
     quality: NDArray[np.float64] = np.where(possible, held * fits.clip(max=1.0), 0.0)
     return quality
 
@@ -140,6 +151,13 @@ def _over_the_last(
 ) -> NDArray[np.float64]:
     first = np.searchsorted(stamps_ns, stamps_ns - round(seconds * NS_PER_S), side="right")
     return np.array([summary(values[a : k + 1]) for k, a in enumerate(first.tolist())])
+
+
+def _begins_in_motion(imu: SteadyImu) -> bool:
+    first = imu.stamps_ns < imu.stamps_ns[0] + round(_REST_S * NS_PER_S)
+    shakes = float(imu.forces_m_s2[first].std(axis=0).max())
+    turns = float(np.abs(imu.rates_rad_s[first].mean(axis=0)).max())
+    return shakes > _STANDS_FORCE_M_S2 or turns > _STANDS_RAD_S
 
 
 def _imu_rests(imu: SteadyImu, stamps_ns: NDArray[np.int64]) -> NDArray[np.bool_]:

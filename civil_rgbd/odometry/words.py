@@ -66,13 +66,16 @@ def weak_stretches(
 
 
 def _why(measures: PoseMeasures, run: NDArray[np.intp], limits: Limits) -> str:
+    if measures.settling[run].all():
+        return "the recording begins in motion: stand still for two seconds before you walk"
     speed, turn = float(measures.speed_m_s[run].max()), float(measures.turn_rad_s[run].max())
     held = np.median(measures.held_by[run], axis=0)
     loose = int((held < LOW_QUALITY).sum())
     reasons = {
-        3: "the scans hold on to nothing: too few flat surfaces",
-        2: "the surfaces let the scan slide two ways, as under a plain soffit",
-        1: "the surfaces let the scan slide one way, as in a smooth tunnel or along a plain wall",
+        3: "geometry gives out: too few flat surfaces to hold on to",
+        2: "geometry gives out: the surfaces let the scan slide two ways, as under a plain soffit",
+        1: "geometry gives out: the surfaces let the scan slide one way, as in a smooth tunnel or "
+        "along a plain wall",
         0: "the scans do not fit the map before them",
     }
     fast = speed > limits.speed_m_s or turn > limits.turn_rad_s
