@@ -23,7 +23,6 @@ def kept_bytes(recording: Recording, sample: Sample, spare_bytes: int) -> Iterat
     if not was_tracing:
         tracemalloc.start()
     try:
-        gc.collect()
         before, _ = tracemalloc.get_traced_memory()
         read_bytes = _read_all(recording, sample)
         gc.collect()

@@ -6,6 +6,7 @@ hold; a test of a converter is one line: ``assert check_recording(open_recording
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import pickle
 from collections.abc import Callable, Iterator
@@ -197,6 +198,7 @@ class _Suite:
         recording = self._open_recording(self._location, self._options)
         digests(recording, self._sample.first())
         del recording
+        gc.collect()
         for path in sorted(open_files() - before):
             yield f"{path} is still open after the recording went"
 
