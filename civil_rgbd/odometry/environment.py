@@ -85,7 +85,7 @@ def create_environment(
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         _ours(folder).write_text(f"{engine.name} {engine.version}\n", encoding="utf-8")
-        steps = (
+        steps: tuple[list[str | Path], ...] = (
             [sys.executable, "-m", "venv", str(folder)],
             [_executable(folder, "python"), "-m", "pip", "install", *_PIP, *engine.requirements],
         )

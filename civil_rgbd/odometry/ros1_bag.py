@@ -31,6 +31,7 @@ class Ros1BagWriter:
         self._numbers = {topic: number for number, topic in enumerate(topics)}
         self._connections = [_connection(n, *item) for n, item in enumerate(topics.items())]
         self._chunk_infos: list[bytes] = []
+        self._first, self._last = b"", b""
         self._begin_chunk()
 
     def __enter__(self) -> Self:

@@ -64,7 +64,7 @@ def cells_of(points_m: NDArray[np.float64]) -> Cells:
     offset = points_m - _centres(keys)[cell]
     x, y, z = offset.T
     columns = [x, y, z, x * x, x * y, x * z, y * y, y * z, z * z]
-    sums = np.stack([np.bincount(cell, column, len(keys)) for column in columns], axis=1)
+    sums = _summed(cell, columns, len(keys))
     counts = np.bincount(cell, minlength=len(keys)).astype(np.float64)
     return Cells(keys, counts, sums[:, :3], sums[:, 3:])
 
@@ -75,8 +75,17 @@ def merged(parts: list[Cells]) -> Cells:
     table = np.concatenate(
         [np.column_stack([part.counts, part.sums_m, part.squares_m2]) for part in parts]
     )
-    sums = np.stack([np.bincount(cell, column, len(keys)) for column in table.T], axis=1)
+    sums = _summed(cell, list(table.T), len(keys))
     return Cells(keys, sums[:, 0], sums[:, 1:4], sums[:, 4:])
+
+
+def _summed(
+    cell: NDArray[np.intp], columns: list[NDArray[np.float64]], count: int
+) -> NDArray[np.float64]:
+    table = np.empty((count, len(columns)))
+    for k, column in enumerate(columns):
+        table[:, k] = np.bincount(cell, column, count)
+    return table
 
 
 def planes_of(cells: Cells) -> Planes:
