@@ -41,9 +41,7 @@ def files_of(container: Container, location: str | Path, options: RecordingOptio
     A location may be a folder of files that the recorder left without its metadata.yaml.
     """
     first = Path(location)
-    paths = (first,)
-    if first.is_dir():
-        paths = files_inside(container, first)
+    paths = files_inside(container, first) if first.is_dir() else (first,)
     more = tuple(Path(path) for path in options.more_files)
     return RosFiles(container, paths + more, stem_of(first), first)
 
