@@ -166,6 +166,10 @@ def _registry(sha256: str = "0" * 64) -> Case:
     return case
 
 
+def _poses(*options: str) -> Case:
+    return lambda folder: ["poses", str(folder / "scan.bag"), *options]
+
+
 def _answers(text: str) -> Case:
     def case(folder: Path) -> list[str]:
         (folder / "answers.toml").write_text(text)
@@ -240,6 +244,11 @@ CASES: dict[str, Case] = {
     "calibration that was not finished": _calibration(
         calibrations.DIRECT_VISUAL.replace('"T_lidar_camera"', '"init_T_lidar_camera_auto"')
     ),
+    "unknown odometry engine": _poses("--engine", "genz"),
+    "odometry engine that is not installed": lambda folder: _poses(
+        "--environment", str(folder / "engine")
+    )(folder),
+    "poses under a name of something else": _poses("--out", "poses.mcap"),
     "inspect nothing": lambda folder: ["inspect-recording", str(folder / "missing.mcap")],
     "unknown simulated bridge": lambda folder: [
         "simulate",
