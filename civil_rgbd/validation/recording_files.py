@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
-from civil_rgbd.domain.recording import Recording, RecordingOptions
+from civil_rgbd.domain.folders import IMAGE_SUFFIXES, files_in_order, folder_source
+from civil_rgbd.domain.recording import Recording, RecordingOptions, SourceFile
 from civil_rgbd.errors import CivilRgbdError
 
 _DESCRIPTORS: Final = Path("/proc/self/fd")  # only Linux tells; elsewhere the rule holds untold
@@ -22,7 +23,14 @@ def sources_as_they_are(
     there = _files_of(location, options)
     if there and not recording.sources:
         yield "it was read from files, but names none"
+    folders = _folders_of(location, options)
     for source in recording.sources:
+        if source in options.trajectory_sources:
+            continue  # read before it was opened
+        if source.name in folders:
+            if not _holds(folders[source.name], source):
+                yield f"source {source.name!r} is not what folder_source says of its files"
+            continue
         paths = [path for path in there if path.name == source.name]
         if there and not paths:
             yield f"source {source.name!r} is no file at {location}"
@@ -43,6 +51,20 @@ def _files_of(location: str | Path, options: RecordingOptions) -> list[Path]:
         elif path.is_file():
             found += [inside for inside in path.parent.iterdir() if inside.is_file()]
     return found
+
+
+def _folders_of(location: str | Path, options: RecordingOptions) -> dict[str, Path]:
+    given = [Path(location), *([options.images] if options.images else [])]
+    return {path.resolve().name: path for path in given if path.is_dir()}
+
+
+def _holds(folder: Path, source: SourceFile) -> bool:
+    """Tell whether a source stands for the files of one kind in a folder."""
+    kinds = [(suffix,) for suffix in {path.suffix.lower() for path in folder.iterdir()}]
+    return any(
+        folder_source(folder, files_in_order(folder, kind), source.converter) == source
+        for kind in [*kinds, IMAGE_SUFFIXES]
+    )
 
 
 def _sha256(path: Path) -> str:

@@ -36,7 +36,8 @@ RULES: Final = {
     "shape": "see civil_rgbd.domain.recording.Recording for names, types and dtypes",
     "stamps": "give header stamps as int64 nanoseconds, in message order, poses over the same time",
     "notes": "see civil_rgbd.domain.recording.RecordingNotes",
-    "sources": "list every file that was read, by name without folders, with its size and sha256",
+    "sources": "list every file that was read, by name without folders, with its size and sha256; "
+    "many files of a folder as one, by civil_rgbd.domain.folders.folder_source",
     "scans": "give points as recorded, their stamps within point_reach_ns of the header's",
     "images": "give pixels as recorded, of the size that rig.camera has",
     "repeatable": "reading must not depend on what was read before",
