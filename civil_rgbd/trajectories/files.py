@@ -167,7 +167,9 @@ def read_trajectory_file(
 def _note(file: str, name: str, metric_scale: float | None, time_offset_ns: int) -> str:
     said = [f"{file} ({name})"]
     if time_offset_ns:
-        said.append(f"its stamps moved by {time_offset_ns / NS_PER_S:+.9f} s")
+        sign = "-" if time_offset_ns < 0 else "+"
+        whole_s, rest_ns = divmod(abs(time_offset_ns), NS_PER_S)
+        said.append(f"its stamps moved by {sign}{whole_s}.{rest_ns:09d} s")
     if metric_scale is not None:
         said.append(f"{metric_scale:g} m a unit")
     return ", ".join(said)

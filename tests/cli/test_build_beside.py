@@ -1,0 +1,115 @@
+"""Building from a LiDAR alone on the command line: poses, images and camera from files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from civil_rgbd.cli import main
+from civil_rgbd.simulator.recording import SimulatedRecording
+from civil_rgbd.simulator.spec import ScanSpec
+
+from ..conversion.walk_beside import seconds, write_beside, write_scans
+
+SPEC = ScanSpec(seconds=1.2, image_scale=0.25, image_rate_hz=5)
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("walk")
+    recording = SimulatedRecording(SPEC)
+    write_beside(folder, recording)
+    write_scans(folder / "lvx", recording, "lvx")
+    return folder
+
+
+def build(walk: Path, out: Path, *more: str, trajectory: str = "poses.tum") -> int:
+    given = "build --recipe demo --set select.min_displacement_m=0.2 --workers 1 --licence CC0-1.0"
+    paths = {"--out": out, "--trajectory": walk / trajectory, "--images": walk / "images"}
+    options = [word for pair in paths.items() for word in map(str, pair)]
+    rig = ["--bridge", "B1", "--rig", str(walk / "rig.toml")]
+    return main([*given.split(), *options, *rig, *more, str(walk / "lvx/walk.lvx")])
+
+
+def test_a_bridge_comes_out_and_says_where_everything_came_from(walk: Path, tmp_path: Path) -> None:
+    assert build(walk, tmp_path, "--pose-of", "imu") == 0
+
+    manifest = json.loads((tmp_path / "bridges/B1/manifest.json").read_text())
+    assert [(s["name"], s["converter"]) for s in manifest["sources"]] == [
+        ("walk.lvx", "lvx"),
+        ("poses.tum", "trajectory-tum"),
+        ("images", "images"),
+        ("timestamps.txt", "times"),
+    ]
+    assert "poses are taken from poses.tum (tum): poses of the imu" in manifest["warnings"][0]
+    assert manifest["deskew"] == "per_point"
+    assert manifest["counts"]["frames_kept"] == 2
+    assert main(["validate", str(tmp_path)]) == 0
+
+
+def test_other_poses_are_another_build(
+    walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert build(walk, tmp_path, "--pose-of", "imu") == 0
+    moved = (walk / "poses.tum").read_text().replace("1700000000.005000000 ", "1700000000.0051 ")
+    (walk / "moved.tum").write_text(moved)
+    assert build(walk, tmp_path, "--pose-of", "imu", trajectory="moved.tum") == 2
+    assert "built otherwise (different: sources" in capsys.readouterr().err
+
+
+def test_poses_that_count_from_a_start_of_their_own_are_moved(walk: Path, tmp_path: Path) -> None:
+    """As R3LIVE's: the offset is exact to the nanosecond, so that the same bytes come out."""
+    start = 1_699_999_990_123_456_789
+    lines = (walk / "poses.tum").read_text().splitlines()
+    rows = [line.split(" ", 1) for line in lines]
+    relative = [f"{seconds(int(stamp.replace('.', '')) - start)} {pose}\n" for stamp, pose in rows]
+    (walk / "relative.tum").write_text("".join(relative))
+    given = ["--pose-of", "imu"]
+    assert build(walk, tmp_path / "a", *given) == 0
+    offset = ["--trajectory-offset", seconds(start)]
+    assert build(walk, tmp_path / "b", *given, *offset, trajectory="relative.tum") == 0
+    made = [
+        {path.name: path.read_bytes() for path in (tmp_path / side).rglob("*.*") if path.is_file()}
+        for side in "ab"
+    ]
+    assert len(made[0]) >= 8
+    assert [name for name in made[0] if made[0][name] != made[1][name]] == ["manifest.json"]
+    manifest = json.loads((tmp_path / "b/bridges/B1/manifest.json").read_text())
+    assert "its stamps moved by +1699999990.123456789 s" in manifest["warnings"][0]
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ([], "does not say what its poses are poses of"),
+        (["--pose-of", "imu", "--trajectory-format", "tmu"], "no trajectory format goes by 'tmu'"),
+        (["--pose-of", "imu", "--trajectory-offset", "soon"], "--trajectory-offset is no time"),
+        (["--pose-of", "imu", "--metric-scale", "-1"], "--metric-scale is -1.0"),
+        (["--pose-of", "imu", "--trajectory-offset", "86400"], "clocks do not overlap"),
+    ],
+)
+def test_what_does_not_fit_is_said(
+    walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], more: list[str], words: str
+) -> None:
+    assert build(walk, tmp_path, *more) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_options_of_a_trajectory_need_one(
+    walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = str(walk / "lvx/walk.lvx")
+    assert main(["build", "--out", str(tmp_path), "--metric-scale", "2", source]) == 2
+    assert "options speak of a trajectory file, but none is given" in capsys.readouterr().err
+
+
+def test_the_body_that_a_format_knows_is_not_contradicted(
+    walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{at + 1},0,0,0,0,0,0,1\n" for at in range(6)]
+    (walk / "poses.csv").write_text("".join(rows))
+    times = ["--image-times", str(walk / "images/timestamps.txt")]
+    assert build(walk, tmp_path, "--pose-of", "imu", *times, trajectory="poses.csv") == 2
+    assert "--pose-of says imu, but poses of the format lab" in capsys.readouterr().err
