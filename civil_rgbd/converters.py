@@ -133,7 +133,8 @@ def _converter_of(location: str | Path) -> tuple[EntryPoint, str | Path]:
     raise UsageError(
         f"no converter opens {path.name!r}",
         where=path,
-        fix=nearest(suffix, known) + " (converters go by file suffix)",
+        fix=nearest(suffix, known)
+        + (" (a folder goes by its files)" if path.is_dir() else " (converters go by file suffix)"),
     )
 
 

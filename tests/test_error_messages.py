@@ -17,7 +17,7 @@ import pytest
 
 from civil_rgbd.cli import main
 
-from .conversion import messages, scene
+from .conversion import containers, messages, scene
 from .trajectories import calibrations
 
 GOLDEN = Path(__file__).parent / "data/error_messages.json"
@@ -70,6 +70,30 @@ def _truncated(folder: Path) -> list[str]:
     file = scene.write(folder / "scan.mcap", scene.whole())
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     return ["build", "--out", str(folder / "out"), str(file)]
+
+
+def _bag(content: Callable[[bytes], bytes]) -> Case:
+    def case(folder: Path) -> list[str]:
+        whole = containers.bag_by_hand(scene.flat(scene.whole()), compression="lz4")
+        (folder / "scan.bag").write_bytes(content(whole))
+        return ["build", "--out", str(folder / "out"), str(folder / "scan.bag")]
+
+    return case
+
+
+def _folder_of(**files: str) -> Case:
+    def case(folder: Path) -> list[str]:
+        (folder / "scan").mkdir()
+        for name, text in files.items():
+            (folder / "scan" / name.replace("__", ".")).write_text(text)
+        return ["build", "--out", str(folder / "out"), str(folder / "scan")]
+
+    return case
+
+
+def _the_same_file_twice(folder: Path) -> list[str]:
+    command = _built(folder, scene.whole())
+    return [*command, command[-1]]
 
 
 def _camera_info(**what: object) -> Case:
@@ -192,6 +216,18 @@ CASES: dict[str, Case] = {
     "not an MCAP": _not_an_mcap,
     "unknown container": _unknown_container,
     "truncated in the middle": _truncated,
+    "not a bag": _bag(lambda _: b"a shopping list"),
+    "bag of an old version": _bag(lambda whole: whole.replace(b"V2.0", b"V1.2", 1)),
+    "truncated bag": _bag(lambda whole: whole[: len(whole) // 2]),
+    "bag with a flipped byte": _bag(
+        lambda whole: whole[:9000] + bytes([whole[9000] ^ 1]) + whole[9001:]
+    ),
+    "folder that no converter opens": _folder_of(notes__txt="", photos__zip=""),
+    "metadata.yaml of another storage": _folder_of(metadata__yaml="storage_identifier: rocksdb\n"),
+    "metadata.yaml without its files": _folder_of(
+        metadata__yaml="storage_identifier: mcap\nrelative_file_paths:\n  - scan_0.mcap\n"
+    ),
+    "the same file twice": _the_same_file_twice,
     "no camera model and no rig": _without("infos"),
     "no point clouds": _without("scans"),
     "no images": _without("images"),
