@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
 import weakref
 from bisect import bisect_right
@@ -84,7 +85,7 @@ class UnpackedPayloads:
         """Return the unpacked file; it goes when this object goes."""
         if self._unpacked is None or not self._unpacked.exists():
             self._unpacked = unpack_file(self._packed)
-            weakref.finalize(self, shutil.rmtree, self._unpacked.parent, ignore_errors=True)
+            weakref.finalize(self, _remove, self._unpacked.parent, os.getpid())
         return self._unpacked
 
     def fetch(self, chunk_start: int, offset: int, length: int) -> memoryview:
@@ -106,6 +107,11 @@ class UnpackedPayloads:
         if self._inner is not None:
             self._inner.close()
         self._inner = None
+
+
+def _remove(folder: Path, owner: int) -> None:
+    if os.getpid() == owner:  # a forked worker forgets its copy; the file is its parent's
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
