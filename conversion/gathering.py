@@ -51,8 +51,9 @@ class MessageIndex:
 class Gathered:
     """Messages of one topic: where they lie, when they were logged, what their headers say.
 
-    ``fault`` is the first thing that broke a message's layout; it matters only if the topic is
-    chosen. ``frames`` counts the messages of each frame id. ``read`` reads their encoding.
+    ``fault`` is the first thing that broke a message's layout, ``faults`` how many messages did; it
+    matters only if the topic is chosen. ``frames`` counts the messages of each frame id. ``read``
+    reads their encoding.
     """
 
     head_only = False
@@ -62,6 +63,7 @@ class Gathered:
         self._rows = array("q")  # log time, chunk start, offset, length, stamp
         self.frames: dict[str, int] = {}
         self.fault: str | None = None
+        self.faults = 0
         self.first: bytes = b""
         self.count = 0
 
@@ -71,6 +73,7 @@ class Gathered:
             self._take(log_time_ns, place, payload)
         except CdrError as error:
             self.fault = self.fault or f"message {self.count}: {error}"
+            self.faults += 1
         self.count += 1
 
     def _take(self, log_time_ns: int, place: Place, payload: memoryview) -> None:

@@ -170,7 +170,8 @@ def assemble_lidar_only(source: LidarSource, options: RecordingOptions) -> Lidar
             fix="give them in a file: --trajectory poses.tum --pose-of lidar",
         )
     require_body(options, where=where)
-    camera = camera_of_rig(options, where=where)
+    rectified = options.rectified or rig_file.rectified
+    camera = camera_of_rig(options, rectified=rectified, where=where)
     images = images_beside(options)
     if images is None:
         raise UsageError(
@@ -225,8 +226,13 @@ def require_body(options: RecordingOptions, *, where: object) -> None:
         )
 
 
-def camera_of_rig(options: RecordingOptions, *, where: object) -> LensCamera:
+def camera_of_rig(options: RecordingOptions, *, rectified: bool, where: object) -> LensCamera:
     """Return the camera of the rig file.
+
+    Args:
+        options: with the rig file.
+        rectified: the images are rectified already: a lens would be taken out twice.
+        where: the source, for errors.
 
     Raises:
         RecordingError: it has none.
@@ -238,7 +244,20 @@ def camera_of_rig(options: RecordingOptions, *, where: object) -> LensCamera:
             where=where,
             fix="give camera and extrinsics in a rig file: --rig rig.toml",
         )
-    return LensCamera(camera.pinhole) if options.rectified or options.rig.rectified else camera
+    return LensCamera(camera.pinhole) if rectified else camera
+
+
+def lens_remarks(options: RecordingOptions, *, rectified: bool) -> tuple[str, ...]:
+    """Say in words when a rig file's lens is not applied.
+
+    Args:
+        options: with the rig file.
+        rectified: the images are rectified already.
+    """
+    camera = options.rig.camera
+    if camera is None or not rectified or camera.lens == "none":
+        return ()
+    return (f"the images are rectified: the rig file's lens, {camera.lens}, is not applied",)
 
 
 def images_beside(options: RecordingOptions) -> ImageFolder | None:
@@ -286,6 +305,7 @@ def _notes(
         notes,
         map_up=options.rig.map_up,
         warnings=notes.warnings
+        + lens_remarks(options, rectified=options.rectified or options.rig.rectified)
         + trajectory_remarks(recording.rig, options, recording.scans.stamps_ns),
         counts=counts,
     )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from civil_rgbd.conversion.cdr import CdrError, CdrReader, ContentError
-from civil_rgbd.conversion.point_time import PointTime, point_stamps_ns
+from civil_rgbd.conversion.point_time import PointTime, point_stamps_ns, settled
 from civil_rgbd.domain.scan import LidarScan
 
 DATATYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
@@ -161,6 +161,19 @@ def points_of(cloud: Cloud) -> NDArray[np.floating]:
         for axis, values in enumerate(columns):
             points[:, :, axis] = values
     return points.reshape(-1, 3)
+
+
+def with_unit(cloud: Cloud, rule: PointTime | None) -> PointTime | None:
+    """Settle the unit of a cloud's point times, where its returns tell it.
+
+    Raises:
+        ContentError: a field is missing.
+        CdrError: a field is misplaced.
+    """
+    if rule is None or rule.unit is not None or not cloud.count:
+        return rule
+    times = column(cloud, rule.field).reshape(-1)
+    return settled(rule, times, header_ns=cloud.stamp_ns, points=points_of(cloud))
 
 
 def scan_from_cloud(

@@ -253,7 +253,9 @@ def _astray(
     )
     if not len(offsets_ns):
         return PointTimeError(
-            f"field {rule.field!r} holds no finite point time; the header is at {header_s} s", fix
+            f"field {rule.field!r} holds no finite point time before the year 2096; the header is "
+            f"at {header_s:.6f} s",
+            fix,
         )
     first_s = int(offsets_ns.min()) / NS_PER_S
     last_s = int(offsets_ns.max()) / NS_PER_S

@@ -5,47 +5,34 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from civil_rgbd.conversion.camera_info import CameraInfo, camera_from_info, parse_camera_info
-from civil_rgbd.conversion.cdr import decoding
+from civil_rgbd.conversion.camera_source import CameraSource, choose_camera
+from civil_rgbd.conversion.cdr import SALVAGE_FIX, decoding
 from civil_rgbd.conversion.clocks import check_overlap
-from civil_rgbd.conversion.gathering import GatheredLivox, GatheredPaths, GatheredPoses
+from civil_rgbd.conversion.gathering import GatheredLivox
 from civil_rgbd.conversion.image_folder import ImageFolder
-from civil_rgbd.conversion.lidar_only import (
-    camera_of_rig,
-    images_beside,
-    require_body,
-    sources_beside,
-    trajectory_remarks,
-)
+from civil_rgbd.conversion.lidar_only import images_beside, sources_beside, trajectory_remarks
 from civil_rgbd.conversion.livox import LIVOX_TIME
-from civil_rgbd.conversion.mounting import BODIES, Frames, mount
-from civil_rgbd.conversion.point_clouds import parse_cloud
-from civil_rgbd.conversion.point_time import PointTime, point_time_of
+from civil_rgbd.conversion.mounting import BODIES, Frames, Mounting, mount
+from civil_rgbd.conversion.point_clouds import parse_cloud, scan_from_cloud, with_unit
+from civil_rgbd.conversion.point_time import IGNORE, PointTime, point_time_of
+from civil_rgbd.conversion.pose_source import Carriers, PoseSource, choose_pose_source
 from civil_rgbd.conversion.ros_choice import (
-    choose_camera_info,
     choose_images,
     choose_lidar,
-    choose_poses,
+    damage_of,
     imu_frame,
-    no_poses,
     transforms_gathered,
 )
-from civil_rgbd.conversion.ros_poses import (
-    Transforms,
-    link_that_carries,
-    trajectory_from,
-    transforms_from,
-)
+from civil_rgbd.conversion.ros_poses import Transforms, transforms_from
 from civil_rgbd.conversion.ros_recording import NO_REACH, Payloads, RosRecording, Stream
 from civil_rgbd.conversion.topics import LIVOX_TYPES, Topic, TopicTable
 from civil_rgbd.domain.recording import RecordingNotes, RecordingOptions, SourceFile
 from civil_rgbd.domain.rig import Rig, RigFile
 from civil_rgbd.errors import ImageDecodeError, RecordingError, UsageError
-from civil_rgbd.geometry.camera import LensCamera
-from civil_rgbd.geometry.trajectory import Trajectory
 from civil_rgbd.resources import nearest
 
 _TIMEBASE_TOLERANCE_NS = 1_000_000
+_TRIED = 10  # messages that are looked at for one that is whole
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,14 +56,6 @@ class Opened:
     notes: RecordingNotes
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Poses:
-    trajectory: Trajectory
-    parent: str
-    child: str
-    warnings: tuple[str, ...] = ()
-
-
 def assemble(opened: Opened, options: RecordingOptions) -> RosRecording:
     """Put a recording together.
 
@@ -94,33 +73,26 @@ def assemble(opened: Opened, options: RecordingOptions) -> RosRecording:
     lidar = choose_lidar(table, options, where=where)
     folder = images_beside(options)
     images = None if folder else choose_images(table, options, where=where)
-    camera, camera_frame, camera_warnings = _camera(opened, options, rig_file, images)
-    tf = transforms_from(*transforms_gathered(table, options))
-    poses = _poses(opened, options, tf, lidar, images)
+    camera = choose_camera(table, options, images, where=where)
+    tf = transforms_from(*transforms_gathered(table, options, where=where))
+    image_frame = images.gathered.frame if images else ""
+    carriers = Carriers(tf, lidar.gathered.frame, image_frame)
+    poses = choose_pose_source(table, options, carriers, where=where)
     frames = Frames(
         map=_map_frame(poses.parent, lidar.gathered.frame, options),
         body=poses.child,
         lidar=lidar.gathered.frame,
-        camera=camera_frame,
+        camera=camera.frame,
         imu=imu_frame(table),
         pose_of=options.pose_of,
     )
-    mounting = mount(frames, tf.fixed, rig_file, where=where)
     scans = stream_of(lidar)
     point_time = point_time_of_scans(opened, options, scans)
     recording = RosRecording(
         name=opened.name,
         sources=opened.sources + sources_beside(options, folder),
         notes=_notes(opened, rig_file, lidar, point_time, in_map=frames.in_map),
-        rig=Rig(
-            camera=camera,
-            T_body_camera=mounting.T_body_camera,
-            T_body_lidar=mounting.T_body_lidar,
-            camera_time_offset_s=rig_file.camera_time_offset_s or 0.0,
-            body=frames.body_name,
-            lidar_name=rig_file.lidar_name or frames.lidar or "unknown",
-            camera_name=rig_file.camera_name or camera_frame or "unknown",
-        ),
+        rig=_rig(camera, frames, rig_file, mount(frames, tf.fixed, rig_file, where=where)),
         trajectory=poses.trajectory,
         payloads=opened.payloads,
         scans=scans,
@@ -128,11 +100,85 @@ def assemble(opened: Opened, options: RecordingOptions) -> RosRecording:
         point_time=point_time if lidar.type_name not in LIVOX_TYPES else None,
         point_reach_ns=point_time.reach_ns if point_time else NO_REACH,
         in_map=frames.in_map,
+        salvage=options.salvage,
     )
-    _check(recording, where)
-    remarks = trajectory_remarks(recording.rig, options, recording.scan_stamps_ns)
-    remarks = camera_warnings + poses.warnings + remarks + _tf_warnings(tf)
-    return _with_warnings(recording, remarks)
+    recording = _checked(recording, where)
+    used = [topic for topic in (lidar, images, camera.topic, poses.topic) if topic]
+    damaged, said = damage_of(used + table.of_role("tf"))
+    remarks = (
+        *camera.warnings,
+        *poses.warnings,
+        *_override(frames),
+        *trajectory_remarks(recording.rig, options, recording.scan_stamps_ns),
+        *_tf_warnings(tf),
+        *said,
+    )
+    reading = _reading(recording, camera, poses, point_time)
+    return _noted(recording, reading, remarks, damaged | _left_out(tf, folder))
+
+
+def _noted(
+    recording: RosRecording,
+    reading: dict[str, str],
+    remarks: tuple[str, ...],
+    counts: dict[str, int],
+) -> RosRecording:
+    notes = recording.notes
+    notes = replace(notes, reading=reading, warnings=notes.warnings + remarks, counts=counts)
+    return replace(recording, notes=notes)
+
+
+def _rig(camera: CameraSource, frames: Frames, rig_file: RigFile, mounting: Mounting) -> Rig:
+    return Rig(
+        camera=camera.camera,
+        T_body_camera=mounting.T_body_camera,
+        T_body_lidar=mounting.T_body_lidar,
+        camera_time_offset_s=rig_file.camera_time_offset_s or 0.0,
+        body=frames.body_name,
+        lidar_name=rig_file.lidar_name or frames.lidar or "unknown",
+        camera_name=rig_file.camera_name or camera.frame or "unknown",
+    )
+
+
+def _reading(
+    recording: RosRecording,
+    camera: CameraSource,
+    poses: PoseSource,
+    point_time: PointTime | None,
+) -> dict[str, str]:
+    images = recording.images
+    return {
+        "lidar_topic": recording.scans.topic,
+        "image_topic": images.topic if isinstance(images, Stream) else "files",
+        "camera_info_topic": camera.name,
+        "pose_topic": poses.name,
+        "pose_of": recording.rig.body,
+        "point_time": point_time.words if point_time else IGNORE,
+        "rectified": "yes" if camera.rectified else "no",
+        "registered": "yes" if recording.in_map else "no",
+    }
+
+
+def _override(frames: Frames) -> tuple[str, ...]:
+    """Say in words that ``--pose-of`` contradicts the poses' own child frame."""
+    sensor = frames.named(frames.pose_of) if frames.pose_of else ""
+    if not frames.pose_of or not frames.body or sensor == frames.body:
+        return ()
+    called = f", whose frame is {sensor!r}" if sensor else ""
+    return (
+        (
+            f"--pose-of {frames.pose_of} overrides the poses' child frame {frames.body!r}: they "
+            f"are taken for poses of the {frames.pose_of}{called}"
+        ),
+    )
+
+
+def _left_out(tf: Transforms, folder: ImageFolder | None) -> dict[str, int]:
+    counts = {
+        "tf-link-broken": len(tf.broken),
+        "image-file-without-stamp": folder.without_stamp if folder else 0,
+    }
+    return {name: count for name, count in counts.items() if count}
 
 
 def _image_source(folder: ImageFolder | None, images: Topic | None) -> Stream | ImageFolder:
@@ -165,133 +211,42 @@ def _check_pose_of(options: RecordingOptions) -> None:
         )
 
 
-def _camera(
-    opened: Opened, options: RecordingOptions, rig_file: RigFile, images: Topic | None
-) -> tuple[LensCamera, str, tuple[str, ...]]:
-    """Return the camera, its frame, and what is odd about it."""
-    frame = images.gathered.frame if images else ""
-    if rig_file.camera is not None or images is None:
-        return camera_of_rig(options, where=opened.where), frame, ()
-    gathered = choose_camera_info(opened.table, options, images, where=opened.where)
-    info: CameraInfo | None = None
-    if gathered is not None:
-        with decoding("CameraInfo", where=opened.where):
-            info = parse_camera_info(memoryview(gathered.message), gathered.read)
-    if gathered is None or info is None or not info.calibrated:
-        opened.table.refuse_other_encodings("camera_info", where=opened.where)
-        raise RecordingError(
-            "the recording holds no camera model"
-            + (": CameraInfo says that the camera is not calibrated (K is zero)" if info else ""),
-            where=opened.where,
-            fix="give the camera in a rig file (--rig), or record sensor_msgs/CameraInfo",
-        )
-    rectified = options.rectified or rig_file.rectified or "_rect" in images.name
-    warnings = []
-    if gathered.differing:
-        warnings.append(
-            f"{gathered.differing} CameraInfo messages differ from the first, which is used"
-        )
-    if rectified and not any(info.p):
-        warnings.append("the images are rectified but CameraInfo has no P: K is used instead")
-    camera = camera_from_info(info, rectified=rectified, where=opened.where)
-    return camera, frame or info.frame, tuple(warnings)
-
-
-def _poses(
-    opened: Opened, options: RecordingOptions, tf: Transforms, lidar: Topic, images: Topic | None
-) -> _Poses:
-    if options.trajectory is not None:
-        return _poses_from_file(options, options.trajectory, opened.where)
-    topic = choose_poses(opened.table, options, where=opened.where)
-    if topic is None:
-        return _poses_from_tf(opened, tf, lidar, images)
-    where = f"{opened.where}: {topic.name}"
-    gathered = topic.gathered
-    child = ""
-    warnings: tuple[str, ...] = ()
-    if isinstance(gathered, GatheredPaths):
-        stamps_ns, poses = gathered.path.together()
-        if not len(stamps_ns):
-            raise no_poses(where, "every Path is empty")
-        if earlier := gathered.path.from_earlier_messages:
-            warnings = (
-                (
-                    f"{earlier} of {len(stamps_ns)} poses come from earlier Paths than the last "
-                    "one; where several Paths give a stamp, the latest one's pose is taken"
-                ),
-            )
-    elif isinstance(gathered, GatheredPoses):
-        stamps_ns, poses = gathered.poses()
-        _refuse_several(gathered.children, "child frames", where)
-        child = next(iter(gathered.children), "")
-    else:
-        raise no_poses(where)
-    _refuse_several(gathered.frames, "parent frames", where)
-    if not child and options.pose_of is None:
-        raise UsageError(
-            f"{topic.type_name} does not say what its poses are poses of",
-            where=where,
-            fix="say so with --pose-of camera, lidar or imu",
-        )
-    trajectory = trajectory_from(stamps_ns, poses, where=where)
-    return _Poses(trajectory, gathered.frame, child, warnings)
-
-
-def _poses_from_file(options: RecordingOptions, trajectory: Trajectory, where: object) -> _Poses:
-    if options.pose_topic is not None:
-        raise UsageError(
-            "--pose-topic and --trajectory both give poses",
-            where=where,
-            fix="leave one of them out",
-        )
-    require_body(options, where=where)
-    return _Poses(trajectory, "", "")
-
-
-def _refuse_several(names: dict[str, int], what: str, where: object) -> None:
-    if len(names) > 1:
-        raise RecordingError(
-            f"the poses have several {what}: {', '.join(map(repr, sorted(names)))}",
-            where=where,
-            fix="record each trajectory under a topic of its own, or choose another with "
-            "--pose-topic",
-        )
-
-
-def _poses_from_tf(opened: Opened, tf: Transforms, lidar: Topic, images: Topic | None) -> _Poses:
-    links = link_that_carries(lidar.gathered.frame, tf)
-    if images is not None and not links:
-        links = link_that_carries(images.gathered.frame, tf)
-    moving = ", ".join(f"{link.parent} -> {link.child}" for link in tf.moving) or "none"
-    if len(links) != 1:
-        raise no_poses(
-            opened.where,
-            f"tf has {len(links)} moving links that carry the sensors (moving links: {moving})",
-        )
-    link = links[0]
-    where = f"{opened.where}: tf {link.parent} -> {link.child}"
-    warning = f"poses are taken from tf: {link.parent} -> {link.child}"
-    above = [other for other in tf.moving if other.child == link.parent]
-    if above:
-        warning += f"; {above[0].parent} -> {link.parent} moves too and is left out"
-    trajectory = trajectory_from(link.stamps_ns, link.poses, where=where)
-    return _Poses(trajectory, link.parent, link.child, (warning,))
-
-
 def point_time_of_scans(
     opened: Opened, options: RecordingOptions, scans: Stream
 ) -> PointTime | None:
-    """Settle how point times are read, by the first cloud that has points."""
+    """Settle how point times are read, by the first cloud that has points.
+
+    That cloud is decoded: a wrong unit shows now, not after an hour.
+
+    Raises:
+        UsageError: ``--point-time`` does not fit.
+        RecordingError: the cloud cannot be used; under ``salvage``, a few others neither.
+    """
     if scans.type_name in LIVOX_TYPES:
         return LIVOX_TIME
     where = f"{opened.where}: {scans.topic}"
+    faults: list[RecordingError] = []
     types: dict[str, str] = {}
     for index in range(len(scans.index)):
-        with decoding(f"point cloud {index}", where=where):
-            cloud = parse_cloud(opened.payloads.fetch(*scans.index.place(index)), scans.read)
-        types = cloud.types
-        if cloud.count:
-            break
+        payload = opened.payloads.fetch(*scans.index.place(index))
+        try:
+            with decoding(f"point cloud {index}", where=where, fix=SALVAGE_FIX):
+                cloud = parse_cloud(payload, scans.read)
+                types = cloud.types
+                if not cloud.count:
+                    continue
+                rule = point_time_of(types, options.point_time, where=where)
+                rule = with_unit(cloud, rule)
+                scan_from_cloud(payload, rule, in_map=False, read=scans.read)
+        except RecordingError as error:
+            faults.append(error)
+            if options.salvage and len(faults) < _TRIED:
+                continue
+            raise faults[0] from error.__cause__
+        if rule is None or rule.unit is not None:
+            return rule
+    if faults:
+        raise faults[0]
     return point_time_of(types, options.point_time, where=where)
 
 
@@ -325,7 +280,7 @@ def _tf_warnings(tf: Transforms) -> tuple[str, ...]:
     )
 
 
-def _check(recording: RosRecording, where: object) -> None:
+def _checked(recording: RosRecording, where: object) -> RosRecording:
     check_overlap(
         images_ns=recording.image_stamps_ns + recording.rig.camera_time_offset_ns,
         scans_ns=recording.scan_stamps_ns,
@@ -333,10 +288,8 @@ def _check(recording: RosRecording, where: object) -> None:
         poses_ns=recording.trajectory.stamps_ns,
         where=where,
     )
-    with suppress(ImageDecodeError):  # one damaged image is the build's to count
-        recording.read_image(0)  # a wrong camera or codec shows now, not after an hour
-
-
-def _with_warnings(recording: RosRecording, more: tuple[str, ...]) -> RosRecording:
-    notes = replace(recording.notes, warnings=recording.notes.warnings + more)
-    return replace(recording, notes=notes)
+    for index in range(min(_TRIED, len(recording.image_stamps_ns))):
+        with suppress(ImageDecodeError):  # a damaged image is the build's to count
+            recording.read_image(index)  # a wrong camera or codec shows now, not after an hour
+            return replace(recording, camera_fits=True)
+    return recording

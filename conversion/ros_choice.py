@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from civil_rgbd.conversion.cdr import frame_name
 from civil_rgbd.conversion.gathering import (
     Gathered,
-    GatheredCameraInfo,
     GatheredFrame,
     GatheredTransforms,
 )
@@ -38,6 +39,7 @@ def choose_lidar(table: TopicTable, options: RecordingOptions, *, where: object)
         table,
         "lidar",
         options.lidar_topic,
+        options,
         where=where,
         fix="record sensor_msgs/PointCloud2 or a Livox CustomMsg",
     )
@@ -61,6 +63,7 @@ def choose_images(table: TopicTable, options: RecordingOptions, *, where: object
         table,
         "image",
         options.image_topic,
+        options,
         where=where,
         fix="record sensor_msgs/CompressedImage (JPEG, PNG) or sensor_msgs/Image",
         fitting=[
@@ -77,7 +80,7 @@ def choose_images(table: TopicTable, options: RecordingOptions, *, where: object
 
 def choose_camera_info(
     table: TopicTable, options: RecordingOptions, images: Topic, *, where: object
-) -> GatheredCameraInfo | None:
+) -> Topic | None:
     """Choose the camera model of the chosen images: that in their namespace, else the only one.
 
     Raises:
@@ -92,9 +95,8 @@ def choose_camera_info(
         raise ask_which(found, "camera_info", where=where)
     if not found:
         return None
-    _refuse_faults(found[0], where)
-    gathered = found[0].gathered
-    return gathered if isinstance(gathered, GatheredCameraInfo) else None
+    _refuse_faults(found[0], options, where)
+    return found[0]
 
 
 def choose_poses(table: TopicTable, options: RecordingOptions, *, where: object) -> Topic | None:
@@ -110,7 +112,7 @@ def choose_poses(table: TopicTable, options: RecordingOptions, *, where: object)
     if len(found) > 1:
         raise ask_which(found, "pose", where=where)
     if found:
-        _refuse_faults(found[0], where)
+        _refuse_faults(found[0], options, where)
         return found[0] if found[0].role == "pose" else None
     table.refuse_other_encodings("pose", where=where)
     if not table.of_role("tf"):
@@ -125,16 +127,21 @@ def no_poses(where: object, why: str = "") -> RecordingError:
 
 
 def transforms_gathered(
-    table: TopicTable, options: RecordingOptions
+    table: TopicTable, options: RecordingOptions, *, where: object
 ) -> tuple[list[GatheredTransforms], list[GatheredTransforms]]:
     """Return what was gathered from tf_static topics, and from the other tf topics.
 
     Where ``--pose-topic`` names a tf topic, only that one's links may carry the poses.
+
+    Raises:
+        RecordingError: a message is damaged, and the user did not ask to go on without it.
     """
     static: list[GatheredTransforms] = []
     moving: list[GatheredTransforms] = []
     for topic in table.of_role("tf"):
         if isinstance(topic.gathered, GatheredTransforms):
+            if not options.salvage:
+                _refuse_faults(topic, options, where)
             is_static = topic.name.endswith("tf_static") and topic.name != options.pose_topic
             (static if is_static else moving).append(topic.gathered)
     return static, moving
@@ -154,6 +161,7 @@ def _choose(
     table: TopicTable,
     role: str,
     wanted: str | None,
+    options: RecordingOptions,
     *,
     where: object,
     fix: str,
@@ -169,15 +177,38 @@ def _choose(
             table.refuse_other_encodings(role, where=where)
             raise none_found(role, fix, where=where)
         topic = found[0]
-    _refuse_faults(topic, where)
+    _refuse_faults(topic, options, where)
     return topic
 
 
-def _refuse_faults(topic: Topic, where: object) -> None:
+def damage_of(topics: Iterable[Topic]) -> tuple[dict[str, int], tuple[str, ...]]:
+    """Say how many messages of the chosen topics are left out because they are damaged.
+
+    Returns:
+        counts for the notes, and warnings.
+    """
+    damaged = [topic for topic in topics if topic.gathered.faults]
+    warnings = tuple(f"{topic.name}: {_in_words(topic)}: left out" for topic in damaged)
+    total = sum(topic.gathered.faults for topic in damaged)
+    return ({"message-damaged": total} if total else {}), warnings
+
+
+def _refuse_faults(topic: Topic, options: RecordingOptions, where: object) -> None:
     gathered: Gathered = topic.gathered
-    if gathered.fault is not None:
-        raise RecordingError(
-            f"a message breaks its own layout: {gathered.fault}",
-            where=f"{where}: {topic.name}",
-            fix="record it again, or choose another topic; a damaged file may also do this",
-        )
+    if not gathered.faults or (options.salvage and gathered.faults < gathered.count):
+        return
+    raise RecordingError(
+        _in_words(topic),
+        where=f"{where}: {topic.name}",
+        fix="copy or record it again, or choose another topic"
+        if options.salvage
+        else "copy or record it again, choose another topic, or go on without: --salvage",
+    )
+
+
+def _in_words(topic: Topic) -> str:
+    gathered = topic.gathered
+    return (
+        f"{gathered.faults} of {gathered.count} messages are damaged, they break their own "
+        f"layout ({gathered.fault})"
+    )

@@ -145,7 +145,7 @@ def assemble_motion(opened: Opened, options: RecordingOptions) -> RosMotion:
             where=f"{where}: {lidar.name}",
             fix="record the LiDAR with point times, or name their field with --point-time",
         )
-    tf = transforms_from(*transforms_gathered(table, options))
+    tf = transforms_from(*transforms_gathered(table, options, where=where))
     return RosMotion(
         name=opened.name,
         sources=opened.sources,

@@ -8,7 +8,7 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.conversion.cdr import CdrReader, decoding
+from civil_rgbd.conversion.cdr import SALVAGE_FIX, CdrError, CdrReader, decoding
 from civil_rgbd.conversion.gathering import MessageIndex
 from civil_rgbd.conversion.image_folder import ImageFolder, read_image_file
 from civil_rgbd.conversion.livox import scan_from_livox
@@ -18,7 +18,7 @@ from civil_rgbd.conversion.ros_images import rgb_from_compressed, rgb_from_image
 from civil_rgbd.domain.recording import CameraImage, RecordingNotes, SourceFile
 from civil_rgbd.domain.rig import Rig
 from civil_rgbd.domain.scan import LidarScan
-from civil_rgbd.errors import RecordingError
+from civil_rgbd.errors import ImageDecodeError, RecordingError
 from civil_rgbd.geometry.trajectory import Trajectory
 
 NO_REACH: Final = (0, 0)
@@ -70,6 +70,9 @@ class RosRecording:
             know it themselves, and for clouds without.
         point_reach_ns: how far point stamps may lie from their header's.
         in_map: the clouds are in the map frame already.
+        salvage: go on without messages that cannot be decoded; they are counted.
+        camera_fits: an image was decoded and has the camera's size, so that one that has not is
+            itself at fault.
     """
 
     name: str
@@ -83,6 +86,8 @@ class RosRecording:
     point_time: PointTime | None
     point_reach_ns: tuple[int, int]
     in_map: bool
+    salvage: bool = False
+    camera_fits: bool = False
 
     @property
     def image_stamps_ns(self) -> NDArray[np.int64]:
@@ -99,10 +104,22 @@ class RosRecording:
         """Decode one LiDAR message.
 
         Raises:
-            RecordingError: the message breaks its own layout.
+            RecordingError: the message breaks its own layout, and is not to be left out.
         """
         payload = self.payloads.fetch(*self.scans.index.place(index))
-        with decoding(f"point cloud {index}", where=self._where(self.scans)):
+        try:
+            return self._scan(payload, index)
+        except RecordingError:
+            if not self.salvage:
+                raise
+        stamp_ns = int(self.scan_stamps_ns[index])
+        nothing = np.zeros((0, 3), dtype=np.float32)
+        return LidarScan(
+            stamp_ns, nothing, np.zeros(0, np.int64), in_map=self.in_map, unreadable=True
+        )
+
+    def _scan(self, payload: memoryview, index: int) -> LidarScan:
+        with decoding(f"point cloud {index}", where=self._where(self.scans), fix=SALVAGE_FIX):
             if self.scans.type_name == "sensor_msgs/PointCloud2":
                 return scan_from_cloud(
                     payload, self.point_time, in_map=self.in_map, read=self.scans.read
@@ -116,25 +133,48 @@ class RosRecording:
             ImageDecodeError: this one image cannot be decoded; others may.
             RecordingError: the images do not fit the camera.
         """
+        try:
+            return self._image(index)
+        except ImageDecodeError:
+            raise
+        except RecordingError as error:
+            # A codec or a size that no image fits is no damage.
+            damaged = isinstance(error.__cause__, CdrError) or self.camera_fits
+            if not (self.salvage and damaged):
+                raise
+            raise ImageDecodeError(error.what, where=error.where, fix=error.fix) from error
+
+    def _image(self, index: int) -> CameraImage:
         stamp_ns, images = int(self.image_stamps_ns[index]), self.images
         if isinstance(images, ImageFolder):
             return read_image_file(images.paths[index], index, stamp_ns, self.rig.camera)
         payload = self.payloads.fetch(*images.index.place(index))
         where = f"{self._where(images)}, image {index}"
-        with decoding(f"image {index}", where=where):
+        with decoding(f"image {index}", where=where, fix=SALVAGE_FIX):
             compressed = images.type_name == "sensor_msgs/CompressedImage"
             decode = rgb_from_compressed if compressed else rgb_from_image
             rgb = decode(payload, where=where, read=images.read)
         camera = self.rig.camera.pinhole
         if rgb.shape[:2] != (camera.height_px, camera.width_px):
-            raise RecordingError(
-                f"images have {rgb.shape[1]} x {rgb.shape[0]} pixels, the camera model "
+            raise self._misfit(index, rgb.shape[1], rgb.shape[0], where)
+        return CameraImage(index, stamp_ns, rgb)
+
+    def _misfit(self, index: int, width_px: int, height_px: int, where: str) -> RecordingError:
+        camera = self.rig.camera.pinhole
+        if self.camera_fits:
+            return RecordingError(
+                f"image {index} has {width_px} x {height_px} pixels, those before "
                 f"{camera.width_px} x {camera.height_px}",
                 where=where,
-                fix="choose the CameraInfo of this camera (--camera-info-topic), or give the "
-                "camera in a rig file (--rig)",
+                fix="leave such images out: --salvage; or record images of one size",
             )
-        return CameraImage(index, stamp_ns, rgb)
+        return RecordingError(
+            f"images have {width_px} x {height_px} pixels, the camera model "
+            f"{camera.width_px} x {camera.height_px}",
+            where=where,
+            fix="choose the CameraInfo of this camera (--camera-info-topic), or give the "
+            "camera in a rig file (--rig)",
+        )
 
     def _where(self, stream: Stream) -> str:
         return f"{self.sources[0].name}: {stream.topic}"

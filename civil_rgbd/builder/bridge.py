@@ -151,6 +151,9 @@ def with_counts(
         points |= record.point_counts
     totals = total_points(points.values())
     points_read = totals.pop("read")
+    skipped = dict(recording.notes.counts)
+    if unreadable := totals.pop("messages_unreadable"):
+        skipped["scan-undecodable"] = unreadable
     return replace(
         manifest,
         counts=Counts(
@@ -161,7 +164,7 @@ def with_counts(
             scans_read=len(points),
             points_read=points_read,
             points_dropped=totals,
-            skipped=dict(recording.notes.counts),
+            skipped=skipped,
             mean_points_in_view=_mean([frame.points_in_view for frame in kept]),
             mean_age_span_s=_mean([frame.span_ns / NS_PER_S for frame in kept]),
             mean_valid_share=_mean([frame.row.valid_share for frame in kept if frame.row]),

@@ -163,6 +163,8 @@ class Recording(Protocol):
     def read_scan(self, index: int) -> LidarScan:
         """Decode one LiDAR message.
 
+        Under ``salvage`` a damaged one is a scan without points that says ``unreadable``.
+
         Raises:
             RecordingError: the message breaks its own layout.
         """

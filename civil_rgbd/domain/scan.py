@@ -20,6 +20,8 @@ class LidarScan:
         noise: (N,) bool, True where the sensor itself doubts the return (Livox tags); None when
             the sensor does not say.
         in_map: the points are already registered in the map frame.
+        unreadable: the message is damaged and has no points here; only where the user asked to go
+            on without such messages. It is counted.
     """
 
     stamp_ns: int
@@ -27,6 +29,7 @@ class LidarScan:
     point_stamps_ns: NDArray[np.int64] | None = None
     noise: NDArray[np.bool_] | None = None
     in_map: bool = False
+    unreadable: bool = False
 
     def __post_init__(self) -> None:
         count = len(self.points)

@@ -30,6 +30,7 @@ class PointCounts:
         out_of_range: nearer or further than the recipe allows.
         noise: doubted by the sensor itself.
         outside_trajectory: before its start, after its end, or in a gap of it.
+        messages_unreadable: messages, not points, that are damaged and were left out.
     """
 
     read: int = 0
@@ -38,6 +39,7 @@ class PointCounts:
     out_of_range: int = 0
     noise: int = 0
     outside_trajectory: int = 0
+    messages_unreadable: int = 0
 
 
 def total_points(counts: Iterable[PointCounts]) -> dict[str, int]:
@@ -109,6 +111,7 @@ def map_scan(
     points, stamps_ns = _in_time_order(scanned, stamps_ns, fate == _COUNTS)
 
     points, stamps_ns, pose_stamps_ns = _inside(trajectory, scan, points, stamps_ns, recipe)
+    counts["messages_unreadable"] = int(scan.unreadable)
     counts["outside_trajectory"] = (
         counts["read"] - sum(counts[reason] for reason in _FATES[1:]) - len(points)
     )

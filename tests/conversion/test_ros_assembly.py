@@ -9,7 +9,9 @@ import pytest
 
 from civil_rgbd.conversion.mcap import open_recording
 from civil_rgbd.domain.recording import Recording, RecordingOptions
-from civil_rgbd.errors import RecordingError, UsageError
+from civil_rgbd.domain.rig import RigFile
+from civil_rgbd.errors import ImageDecodeError, RecordingError, UsageError
+from civil_rgbd.geometry.camera import LensCamera, PinholeCamera
 from civil_rgbd.trajectories.rig import read_rig
 
 from . import messages, scene
@@ -186,6 +188,25 @@ class TestCamera:
         assert recording.rig.camera_time_offset_ns == 250_000_000
         assert (recording.rig.lidar_name, recording.rig.camera_name) == ("Livox Avia", "camera")
         assert recording.notes.map_up == (0.0, 0.0, 1.0)
+
+    @pytest.mark.parametrize(
+        ("topic", "rectified"), [("/cam/image_rect_color/compressed", False), (scene.CAMERA, True)]
+    )
+    def test_a_rig_files_lens_is_not_applied_to_rectified_images(
+        self, tmp_path: Path, topic: str, rectified: bool
+    ) -> None:
+        pinhole = PinholeCamera(64, 48, 60.0, 61.0, 30.0, 20.0)
+        rig = RigFile(camera=LensCamera(pinhole, "plumb_bob", (0.1, 0.0, 0.0, 0.0, 0.0)))
+        parts = {**scene.whole(), "images": scene.images(topic)}
+        recording = opened(tmp_path, parts, rig=rig, rectified=rectified)
+        assert (recording.rig.camera.lens, recording.rig.camera.pinhole) == ("none", pinhole)
+        assert any("plumb_bob, is not applied" in said for said in recording.notes.warnings)
+        assert recording.notes.reading["rectified"] == "yes"
+
+        raw = opened(tmp_path, scene.whole(), rig=rig)
+        assert raw.rig.camera.lens == "plumb_bob"
+        assert not any("not applied" in said for said in raw.notes.warnings)
+        assert raw.notes.reading["rectified"] == "no"
 
 
 class TestPoses:
@@ -412,8 +433,194 @@ class TestFrames:
         assert recording.notes.deskew == "unavailable"
         assert "no point times" in recording.notes.warnings[0]
 
+    @pytest.mark.parametrize(("child", "warns"), [("body", True), ("lidar", False)])
+    def test_pose_of_against_the_child_frame_is_a_warning(
+        self, tmp_path: Path, child: str, warns: bool
+    ) -> None:
+        parts = {**scene.whole(), "poses": scene.poses(child=child)}
+        notes = opened(tmp_path, parts, pose_of="lidar").notes
+        said = [warning for warning in notes.warnings if "--pose-of lidar overrides" in warning]
+        assert len(said) == warns
+        assert not warns or ("'body'" in said[0] and "'lidar'" in said[0])
+
     def test_several_child_frames_are_refused(self, tmp_path: Path) -> None:
         parts = scene.whole()
         parts["poses"][7] = scene.poses(child="other")[7]
         with pytest.raises(RecordingError, match="several child frames: 'lidar', 'other'"):
             opened(tmp_path, parts)
+
+
+def cut(parts: Parts, part: str, at: int, by: int = 9) -> Parts:
+    """The same parts with the end of one message missing."""
+    message = parts[part][at]
+    parts[part][at] = message._replace(payload=message.payload[:-by])
+    return parts
+
+
+def with_stamps(unit: float = 1.0, *, field: str = "timestamp") -> list[scene.Message]:
+    """Clouds with absolute point times."""
+    kinds = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), (field, "<f8")]
+    made = scene.scans()
+    for at, message in enumerate(made):
+        points = np.ones(30, dtype=kinds)
+        points[field] = (scene.stamp(at) / 1e9 + np.arange(30) / 512) * unit
+        payload = messages.point_cloud(scene.stamp(at), points)
+        made[at] = message._replace(payload=payload)
+    return made
+
+
+class TestDamage:
+    """Messages that break their layout inside a container that is whole."""
+
+    @pytest.mark.parametrize("part", ["scans", "images"])
+    def test_without_salvage_a_cut_message_names_the_option(
+        self, tmp_path: Path, part: str
+    ) -> None:
+        recording = opened(tmp_path, cut(scene.whole(), part, 7))
+        read = recording.read_scan if part == "scans" else recording.read_image
+        with pytest.raises(RecordingError, match=r" 7 breaks its own layout") as caught:
+            read(7)
+        assert not isinstance(caught.value, ImageDecodeError)
+        assert "--salvage" in caught.value.fix
+
+    @pytest.mark.parametrize("at", [0, 7])
+    def test_under_salvage_a_cut_cloud_is_a_scan_without_points(
+        self, tmp_path: Path, at: int
+    ) -> None:
+        recording = opened(tmp_path, cut(scene.whole(), "scans", at), salvage=True)
+        scan = recording.read_scan(at)
+        assert (len(scan.points), scan.unreadable, scan.stamp_ns) == (0, True, scene.stamp(at))
+        assert not recording.read_scan(at + 1).unreadable
+        assert len(recording.read_scan(at + 1).points) == 30
+
+    @pytest.mark.parametrize("at", [0, 7])
+    def test_under_salvage_a_cut_image_is_the_builds_to_count(
+        self, tmp_path: Path, at: int
+    ) -> None:
+        recording = opened(tmp_path, cut(scene.whole(), "images", at), salvage=True)
+        with pytest.raises(ImageDecodeError, match="layout"):
+            recording.read_image(at)
+        assert recording.read_image(at + 1).index == at + 1
+
+    def test_an_image_of_another_size_is_itself_at_fault(self, tmp_path: Path) -> None:
+        parts = scene.whole()
+        parts["images"][6] = scene.images(size=(32, 24))[6]
+        with pytest.raises(RecordingError, match="image 6 has 32 x 24 pixels, those") as caught:
+            opened(tmp_path, parts).read_image(6)
+        assert not isinstance(caught.value, ImageDecodeError)
+        assert "--salvage" in caught.value.fix
+        assert "CameraInfo" not in str(caught.value)
+        with pytest.raises(ImageDecodeError, match="image 6 has 32 x 24 pixels"):
+            opened(tmp_path, parts, salvage=True).read_image(6)
+
+    def test_images_of_another_camera_are_refused_even_under_salvage(self, tmp_path: Path) -> None:
+        parts = {**scene.whole(), "images": scene.images(size=(32, 24))}
+        parts["images"][0] = parts["images"][0]._replace(
+            payload=messages.compressed_image(scene.stamp(0), b"\xff\xd8\xff")
+        )
+        with pytest.raises(RecordingError, match="images have 32 x 24") as caught:
+            opened(tmp_path, parts, salvage=True)
+        assert "--camera-info-topic" in caught.value.fix
+
+    @pytest.mark.parametrize(("part", "at"), [("tf", 0), ("poses", 3), ("scans", 4), ("images", 4)])
+    def test_a_message_cut_in_its_head_is_said_or_counted(
+        self, tmp_path: Path, part: str, at: int
+    ) -> None:
+        parts = scene.whole()
+        extra = scene.static("lidar", "spare")[0]
+        parts["tf"].insert(0, extra)
+        message = parts[part][at]
+        parts[part][at] = message._replace(payload=message.payload[:10])
+        with pytest.raises(RecordingError, match=r"1 of \d+ messages are damaged") as caught:
+            opened(tmp_path, parts)
+        assert caught.value.where.endswith(message.topic)
+        assert "--salvage" in caught.value.fix
+
+        notes = opened(tmp_path, parts, salvage=True).notes
+        assert notes.counts == {"message-damaged": 1}
+        assert any(warning.startswith(f"{message.topic}: 1 of") for warning in notes.warnings)
+
+    def test_a_topic_without_a_whole_message_is_refused_even_under_salvage(
+        self, tmp_path: Path
+    ) -> None:
+        parts = scene.whole()
+        parts["scans"] = [m._replace(payload=m.payload[:10]) for m in parts["scans"]]
+        with pytest.raises(RecordingError, match="20 of 20 messages are damaged") as caught:
+            opened(tmp_path, parts, salvage=True)
+        assert "--salvage" not in caught.value.fix
+
+    @pytest.mark.parametrize("salvage", [False, True])
+    def test_a_wrong_unit_of_point_times_shows_when_opened(
+        self, tmp_path: Path, salvage: bool
+    ) -> None:
+        parts = {**scene.whole(), "scans": with_stamps(1e3)}
+        says = r"point cloud 0: field .* before the year 2096"
+        with pytest.raises(RecordingError, match=says) as caught:
+            opened(tmp_path, parts, salvage=salvage)
+        assert "--point-time timestamp:UNIT:REFERENCE" in caught.value.fix
+        ours = opened(tmp_path, parts, point_time="timestamp:ms:epoch")
+        assert ours.notes.reading["point_time"] == "timestamp:ms:epoch"
+
+    def test_a_link_without_rotation_is_counted(self, tmp_path: Path) -> None:
+        parts = scene.whole()
+        payload = messages.transforms([(0, "lidar", "junk", (0,) * 7)])
+        parts["tf"].append(parts["tf"][0]._replace(payload=payload))
+        assert opened(tmp_path, parts).notes.counts == {"tf-link-broken": 1}
+
+
+class TestReading:
+    def test_it_names_every_choice(self, tmp_path: Path) -> None:
+        notes = opened(tmp_path, scene.whole()).notes
+        assert notes.counts == {}
+        assert notes.reading == {
+            "lidar_topic": scene.LIDAR,
+            "image_topic": scene.CAMERA,
+            "camera_info_topic": scene.INFO,
+            "pose_topic": scene.ODOM,
+            "pose_of": "lidar",
+            "point_time": "none",
+            "rectified": "no",
+            "registered": "no",
+        }
+
+    def test_two_openings_that_differ_differ_here(self, tmp_path: Path) -> None:
+        parts = {
+            **scene.whole(),
+            "scans": with_stamps(),
+            "rear": scene.scans("/rear"),
+            "side": scene.images("/cam/side/compressed"),
+            "info": scene.infos("/cam/other_info"),
+            "slam": scene.poses("/slam"),
+        }
+        usual = {
+            "lidar_topic": scene.LIDAR,
+            "image_topic": scene.CAMERA,
+            "camera_info_topic": scene.INFO,
+            "pose_topic": scene.ODOM,
+        }
+        first = opened(tmp_path, parts, **usual).notes.reading
+        assert first["point_time"] == "timestamp:s:epoch"
+        for name, value in [
+            ("lidar_topic", "/rear"),
+            ("image_topic", "/cam/side/compressed"),
+            ("camera_info_topic", "/cam/other_info"),
+            ("pose_topic", "/slam"),
+            ("pose_of", "camera"),
+            ("point_time", "none"),
+            ("rectified", True),
+            ("scans_in", "map"),
+        ]:
+            other = opened(tmp_path, parts, **{**usual, name: value}).notes.reading
+            assert other != first, name
+
+    def test_tf_and_a_rig_file_are_named(self, tmp_path: Path) -> None:
+        pinhole = PinholeCamera(64, 48, 60.0, 61.0, 30.0, 20.0)
+        parts = {**scene.whole(), "poses": moving([("odom", "lidar", 0.2)])}
+        reading = opened(tmp_path, parts, rig=RigFile(camera=LensCamera(pinhole))).notes.reading
+        assert reading["pose_topic"] == "tf: odom -> lidar"
+        assert reading["camera_info_topic"] == "rig"
+
+    def test_nanoseconds_and_seconds_are_settled_once(self, tmp_path: Path) -> None:
+        recording = opened(tmp_path, {**scene.whole(), "scans": with_stamps(1e9)})
+        assert recording.notes.reading["point_time"] == "timestamp:ns:epoch"
+        assert recording.read_scan(3).start_ns == pytest.approx(scene.stamp(3), abs=512)

@@ -179,6 +179,12 @@ def test_an_empty_scan_gives_nothing() -> None:
         assert found.counts == PointCounts()
 
 
+def test_a_message_that_was_left_out_is_counted_as_such() -> None:
+    found = mapped(scan_of(stamps_ns=[], unreadable=True))
+
+    assert found.counts == PointCounts(messages_unreadable=1)
+
+
 def test_rows_are_contiguous_float32_one_axis_each() -> None:
     found = mapped(scan_of((5, 6, 7), (8, 9, 10), dtype=np.float64))
 

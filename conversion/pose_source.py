@@ -1,0 +1,146 @@
+"""Where a recording's trajectory comes from: a file, a topic of poses, or a moving link of tf."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from civil_rgbd.conversion.gathering import GatheredPaths, GatheredPoses
+from civil_rgbd.conversion.lidar_only import require_body
+from civil_rgbd.conversion.ros_choice import choose_poses, no_poses
+from civil_rgbd.conversion.ros_poses import Transforms, link_that_carries, trajectory_from
+from civil_rgbd.conversion.topics import Topic, TopicTable
+from civil_rgbd.domain.recording import RecordingOptions
+from civil_rgbd.errors import RecordingError, UsageError
+from civil_rgbd.geometry.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Carriers:
+    """What tf can tell of poses.
+
+    Attributes:
+        tf: all of it.
+        lidar: frame of the point clouds.
+        camera: frame of the images; empty for images beside the recording.
+    """
+
+    tf: Transforms
+    lidar: str
+    camera: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseSource:
+    """The chosen poses.
+
+    Attributes:
+        trajectory: parent to child.
+        parent: frame that they are relative to; empty when not named.
+        child: frame that they move; empty when not named.
+        name: ``file``, a topic, or ``tf: parent -> child``.
+        warnings: what is odd about them.
+        topic: whose messages they are; None for those of a file and of tf.
+    """
+
+    trajectory: Trajectory
+    parent: str
+    child: str
+    name: str
+    warnings: tuple[str, ...] = ()
+    topic: Topic | None = None
+
+
+def choose_pose_source(
+    table: TopicTable, options: RecordingOptions, carriers: Carriers, *, where: object
+) -> PoseSource:
+    """Find the trajectory: from a file, else from a topic of poses, else from tf.
+
+    Args:
+        table: the recording's topics.
+        options: what the user says.
+        carriers: what tf says, and of which sensors.
+        where: the file, for errors.
+
+    Raises:
+        UsageError: several fit, or nothing says what the poses are poses of.
+        RecordingError: there are no poses, or they contradict themselves.
+    """
+    if options.trajectory is not None:
+        return _poses_from_file(options, options.trajectory, where)
+    topic = choose_poses(table, options, where=where)
+    if topic is None:
+        return _poses_from_tf(carriers, where)
+    where = f"{where}: {topic.name}"
+    gathered = topic.gathered
+    child = ""
+    warnings: tuple[str, ...] = ()
+    if isinstance(gathered, GatheredPaths):
+        stamps_ns, poses = gathered.path.together()
+        if not len(stamps_ns):
+            raise no_poses(where, "every Path is empty")
+        if earlier := gathered.path.from_earlier_messages:
+            warnings = (
+                (
+                    f"{earlier} of {len(stamps_ns)} poses come from earlier Paths than the last "
+                    "one; where several Paths give a stamp, the latest one's pose is taken"
+                ),
+            )
+    elif isinstance(gathered, GatheredPoses):
+        stamps_ns, poses = gathered.poses()
+        _refuse_several(gathered.children, "child frames", where)
+        child = next(iter(gathered.children), "")
+    else:
+        raise no_poses(where)
+    _refuse_several(gathered.frames, "parent frames", where)
+    if not child and options.pose_of is None:
+        raise UsageError(
+            f"{topic.type_name} does not say what its poses are poses of",
+            where=where,
+            fix="say so with --pose-of camera, lidar or imu",
+        )
+    trajectory = trajectory_from(stamps_ns, poses, where=where)
+    return PoseSource(trajectory, gathered.frame, child, topic.name, warnings, topic)
+
+
+def _poses_from_file(
+    options: RecordingOptions, trajectory: Trajectory, where: object
+) -> PoseSource:
+    if options.pose_topic is not None:
+        raise UsageError(
+            "--pose-topic and --trajectory both give poses",
+            where=where,
+            fix="leave one of them out",
+        )
+    require_body(options, where=where)
+    return PoseSource(trajectory, "", "", "file")
+
+
+def _refuse_several(names: dict[str, int], what: str, where: object) -> None:
+    if len(names) > 1:
+        raise RecordingError(
+            f"the poses have several {what}: {', '.join(map(repr, sorted(names)))}",
+            where=where,
+            fix="record each trajectory under a topic of its own, or choose another with "
+            "--pose-topic",
+        )
+
+
+def _poses_from_tf(carriers: Carriers, where: object) -> PoseSource:
+    tf = carriers.tf
+    links = link_that_carries(carriers.lidar, tf)
+    if carriers.camera and not links:
+        links = link_that_carries(carriers.camera, tf)
+    moving = ", ".join(f"{link.parent} -> {link.child}" for link in tf.moving) or "none"
+    if len(links) != 1:
+        raise no_poses(
+            where,
+            f"tf has {len(links)} moving links that carry the sensors (moving links: {moving})",
+        )
+    link = links[0]
+    name = f"tf: {link.parent} -> {link.child}"
+    warning = f"poses are taken from {name}"
+    above = [other for other in tf.moving if other.child == link.parent]
+    if above:
+        warning += f"; {above[0].parent} -> {link.parent} moves too and is left out"
+    trajectory = trajectory_from(link.stamps_ns, link.poses, where=f"{where}: {name}")
+    return PoseSource(trajectory, link.parent, link.child, name, (warning,))
