@@ -158,7 +158,7 @@ def opened_files(
         salvage = judge(walked.extent, container, options, where=where)
         notes = RecordingNotes(
             salvage=salvage,
-            simulated=walked.extent.simulated,
+            simulated=walked.extent.simulated or table.simulated,
             warnings=tuple(walked.extent.remarks),
         )
         yield Opened(table, walked.payloads, walked.sources, name, where, notes)

@@ -20,6 +20,9 @@ from civil_rgbd.conversion.gathering import (
 from civil_rgbd.errors import RecordingError, UsageError
 from civil_rgbd.resources import nearest
 
+ORIGIN: Final = "/civil_rgbd/origin"
+"""The topic on which a simulator says that it is one, by the frame id ``simulated``."""
+
 LIVOX_TYPES: Final = frozenset(
     f"{package}/CustomMsg"
     for package in ("livox_ros_driver", "livox_ros_driver2", "livox_interfaces")
@@ -43,6 +46,7 @@ _GATHERERS: Final[dict[str, tuple[str, Callable[[], Gathered]]]] = {
         lambda: GatheredPoses(has_child_frame=False),
     ),
     PATH: ("pose", GatheredPaths),
+    "std_msgs/Header": ("origin", GatheredFrame),
     "tf2_msgs/TFMessage": ("tf", GatheredTransforms),
     "tf/tfMessage": ("tf", GatheredTransforms),
 }
@@ -72,7 +76,7 @@ class Topic:
     Attributes:
         name: as recorded.
         type_name: plain, without ``/msg/``.
-        role: lidar, image, camera_info, imu, pose or tf.
+        role: lidar, image, camera_info, imu, pose, tf or origin.
         gathered: what was kept of its messages.
     """
 
@@ -113,6 +117,14 @@ class TopicTable:
                 fix="record each under a topic of its own, or into a file of its own",
             )
         return self._topics[name, plain].gathered
+
+    @property
+    def simulated(self) -> bool:
+        """A message says that the recording comes from a simulator."""
+        return any(
+            (topic.name, topic.gathered.frame) == (ORIGIN, "simulated")
+            for topic in self.of_role("origin")
+        )
 
     def of_role(self, role: str) -> list[Topic]:
         """Topics of one role that have messages, by name."""

@@ -54,6 +54,7 @@ def built(folder: Path, messages: list[scene.Message], kind: str) -> dict[str, b
     names = {source.pop("converter") for source in manifest["sources"]}
     expected = {"folder": "ros2-folder", "splits": "mcap"}
     assert names == {expected.get(kind.partition("-")[0], kind.partition("-")[0])}
+    assert manifest["origin"] == "simulated"  # a message says so: other containers keep it
     manifest["sources"] = None
     files["bridges/B9/manifest.json"] = json.dumps(manifest).encode()
     return files

@@ -17,6 +17,7 @@ from mcap.writer import CompressionType, Writer
 from civil_rgbd.errors import OutputError
 from civil_rgbd.simulator.camera import raw_camera, simulate_jpeg
 from civil_rgbd.simulator.cdr import (
+    CdrMessage,
     camera_info_message,
     image_message,
     imu_message,
@@ -48,6 +49,7 @@ LIBRARY: Final = "civil_rgbd simulator"
 """What the header of the file says who wrote it."""
 
 TOPICS: Final = {
+    "/civil_rgbd/origin": "std_msgs/msg/Header",
     "/tf_static": "tf2_msgs/msg/TFMessage",
     "/odometry": "nav_msgs/msg/Odometry",
     "/livox/imu": "sensor_msgs/msg/Imu",
@@ -138,6 +140,7 @@ def _whole_file(path: Path) -> Iterator[IO[bytes]]:
 def _messages(spec: ScanSpec, progress: Progress) -> Iterator[Message]:
     """Yield every message in the order of log times."""
     return heapq.merge(
+        _origin(),
         _static_transforms(spec),
         _odometry(spec),
         _imu(spec),
@@ -145,6 +148,11 @@ def _messages(spec: ScanSpec, progress: Progress) -> Iterator[Message]:
         _images(spec, progress),
         key=lambda message: message[0],
     )
+
+
+def _origin() -> Iterator[Message]:
+    # As a message, it stays with the points when they are moved to a bag of another kind.
+    yield START_NS, "/civil_rgbd/origin", CdrMessage().header(START_NS, "simulated").finished()
 
 
 def _static_transforms(spec: ScanSpec) -> Iterator[Message]:

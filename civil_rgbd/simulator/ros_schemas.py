@@ -36,6 +36,7 @@ _PARTS: Final = {
 }
 
 _MESSAGES: Final = {
+    "std_msgs/msg/Header": (_HEADER, ("builtin_interfaces/Time",)),
     "livox_ros_driver2/msg/CustomMsg": (
         (
             "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\n"
