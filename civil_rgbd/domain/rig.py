@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from civil_rgbd.constants import MAX_CLOCK_OFFSET_S
 from civil_rgbd.geometry.camera import LensCamera
 from civil_rgbd.geometry.transforms import compose, inverse, rigid_fault
 
@@ -39,7 +40,7 @@ class Rig:
             fault = rigid_fault(getattr(self, name))
             if fault:
                 raise ValueError(f"{name} is no rigid transform: {fault}")
-        if not np.isfinite(self.camera_time_offset_s):
+        if not abs(self.camera_time_offset_s) <= MAX_CLOCK_OFFSET_S:
             raise ValueError(f"camera_time_offset_s is {self.camera_time_offset_s!r}")
 
     @property

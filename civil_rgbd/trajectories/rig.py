@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from pathlib import Path
 from typing import Any, Final
@@ -25,17 +26,24 @@ from civil_rgbd.geometry.transforms import (
 )
 from civil_rgbd.resources import load_schema, nearest
 
-TIME_OFFSET_SIGNS: Final = {
-    "camera_time_offset_s": 1.0,
+TIME_OFFSETS: Final = (
+    "camera_time_offset_s",
     # r3live_vio.cpp: the state of an image is that at `m_timestamp + td_ext_i2c`.
-    "r3live_time_offset_s": 1.0,
+    "r3live_time_offset_s",
     # Kalibr's wiki, "yaml formats": t_imu = t_cam + shift.
-    "kalibr_timeshift_cam_imu_s": 1.0,
-}
-"""Keys that give the camera's time offset, and the sign with which image stamps take it."""
+    "kalibr_timeshift_cam_imu_s",
+)
+"""Keys that give the camera's time offset: all of them are added to image stamps as they are."""
 
 _TYPED_TOLERANCE: Final = 1e-3
 """How far numbers typed with a few digits may be from a rotation; they are made exact then."""
+
+_POSITIVE: Final = (
+    "a camera has positive focal lengths: give the calibration's own; rendered sets with y upwards "
+    "(a negative fy, as ICL-NUIM) are read by `civil-rgbd convert`, not with a rig file"
+)
+_REMEDIES: Final = {"fx_px": _POSITIVE, "fy_px": _POSITIVE}
+"""What to do about a value, where its description does not say it."""
 
 _PINHOLE: Final = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")
 
@@ -105,12 +113,27 @@ def _misfit(fault: ValidationError, where: object) -> UsageError:
         known = list(fault.schema["properties"])
         unknown = next(key for key in fault.instance if key not in known)
         return UsageError(
-            f"the rig file has an unknown key {unknown!r}", where=place, fix=nearest(unknown, known)
+            f"the rig file has an unknown key {unknown!r}",
+            where=place,
+            fix=_inverse_of(unknown, known) or nearest(unknown, known),
         )
+    remedy = fault.schema.get("description", "compare it with rig.schema.json")
     return UsageError(
         f"the rig file does not fit its schema: {fault.message}",
         where=place,
-        fix=str(fault.schema.get("description", "compare it with rig.schema.json")),
+        fix=_REMEDIES.get(str(fault.absolute_path[-1]) if fault.absolute_path else "", remedy),
+    )
+
+
+def _inverse_of(unknown: str, known: list[str]) -> str:
+    """Say how to give a transform that is known the other way round; empty for other keys."""
+    match = re.fullmatch(r"T_([a-z]+)_([a-z]+)", unknown)
+    other = f"T_{match[2]}_{match[1]}" if match else ""
+    if match is None or other not in known:
+        return ""
+    return (
+        f"give its inverse as {other}, which takes points of the {match[1]} to the frame of the "
+        f"{match[2]}: [R' -R't; 0 0 0 1] of [R t; 0 0 0 1]"
     )
 
 
@@ -168,7 +191,7 @@ def _transform(
 
 
 def _time_offset(document: dict[str, Any], where: object) -> float | None:
-    given = [name for name in TIME_OFFSET_SIGNS if name in document]
+    given = [name for name in TIME_OFFSETS if name in document]
     if len(given) > 1:
         raise UsageError(
             f"the camera's time offset is given more than once: {', '.join(given)}",
@@ -177,7 +200,7 @@ def _time_offset(document: dict[str, Any], where: object) -> float | None:
         )
     if not given:
         return None
-    offset_s = TIME_OFFSET_SIGNS[given[0]] * float(document[given[0]])
+    offset_s = float(document[given[0]])
     if not math.isfinite(offset_s):
         raise UsageError(
             f"{given[0]} is {offset_s}", where=where, fix="give seconds, a finite number"

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from civil_rgbd.domain.rig import Rig
 from civil_rgbd.errors import UsageError
+from civil_rgbd.geometry.camera import LensCamera, PinholeCamera
 from civil_rgbd.trajectories.rig import RigFile, read_rig, rig_from_document
 
 CAMERA = {"width_px": 4, "height_px": 3, "fx_px": 5, "fy_px": 6.5, "cx_px": 1, "cy_px": 2}
@@ -96,6 +98,9 @@ SHEAR = [[1, 0.1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
         ({"camra": {}}, "unknown key 'camra'", "rig.toml"),
         ({"camera": {"fx": 3}}, "unknown key 'fx'", "rig.toml: camera"),
         ({"extrinsics": {"T_camera_lidar": MIRROR}}, "unknown key 'T_camera_lidar'", "extrinsics"),
+        ({"camera_time_offset_s": 1e10}, "greater than the maximum", "camera_time_offset_s"),
+        ({"r3live_time_offset_s": -1e300}, "less than the minimum", "r3live_time_offset_s"),
+        ({"kalibr_timeshift_cam_imu_s": float("inf")}, "greater", "kalibr_timeshift_cam_imu_s"),
         ({"camera": {"width_px": 3}}, "'height_px' is a dependency", "rig.toml: camera"),
         ({"camera": {**CAMERA, "fx_px": -5}}, "-5 is less than or equal", "camera.fx_px"),
         ({"camera": {**CAMERA, "lens": "omni"}}, "'omni' is not one of", "camera.lens"),
@@ -139,6 +144,52 @@ def test_an_unknown_key_names_the_nearest() -> None:
     with pytest.raises(UsageError, match="unknown key") as caught:
         said("camera_time_offset = 1")
     assert "did you mean 'camera_time_offset_s'" in caught.value.fix
+
+
+@pytest.mark.parametrize(
+    ("given", "known"),
+    [
+        ("T_camera_lidar", "T_lidar_camera"),
+        ("T_camera_imu", "T_imu_camera"),
+        ("T_lidar_imu", "T_imu_lidar"),
+        ("T_camera_body", "T_body_camera"),
+        ("T_lidar_body", "T_body_lidar"),
+    ],
+)
+def test_a_transform_the_other_way_round_is_to_be_inverted(given: str, known: str) -> None:
+    with pytest.raises(UsageError, match="unknown key") as caught:
+        rig_from_document({"extrinsics": {given: np.eye(4).tolist()}}, where="")
+    assert f"give its inverse as {known}" in caught.value.fix
+
+
+def test_a_transform_between_unknown_frames_is_no_inverse() -> None:
+    with pytest.raises(UsageError, match="unknown key") as caught:
+        rig_from_document({"extrinsics": {"T_lidar_cam": np.eye(4).tolist()}}, where="")
+    assert "did you mean 'T_lidar_camera'" in caught.value.fix
+
+
+@pytest.mark.parametrize("name", ["fx_px", "fy_px"])
+def test_a_negative_focal_length_says_what_to_do(name: str) -> None:
+    with pytest.raises(UsageError, match="less than or equal to the minimum") as caught:
+        rig_from_document({"camera": {**CAMERA, name: -5.0}}, where="")
+    assert "civil-rgbd convert" in caught.value.fix
+    assert "positive" in caught.value.fix
+
+
+@pytest.mark.parametrize("offset_s", [1.8e9, -4e9])
+def test_an_offset_between_power_on_and_1970_is_taken(offset_s: float) -> None:
+    rig = rig_from_document({"camera_time_offset_s": offset_s}, where="")
+    assert rig.camera_time_offset_s == offset_s
+
+
+@pytest.mark.parametrize("offset_s", [4.1e9, -1e300, float("nan")])
+def test_no_rig_has_an_offset_that_stamps_cannot_take(offset_s: float) -> None:
+    camera = LensCamera(PinholeCamera(4, 3, 5.0, 5.0, 1.5, 1.0))
+    with pytest.raises(ValueError, match="camera_time_offset_s is"):
+        Rig(camera, np.eye(4), np.eye(4), camera_time_offset_s=offset_s)
+    latest_ns = np.array([2**32 * 10**9], dtype=np.int64)
+    most = Rig(camera, np.eye(4), np.eye(4), camera_time_offset_s=4e9)
+    assert (latest_ns + most.camera_time_offset_ns).tolist() == [2**32 * 10**9 + 4 * 10**18]
 
 
 def test_no_file_and_no_toml_are_said(tmp_path: Path) -> None:
