@@ -26,6 +26,8 @@ class Frames:
         camera: frame of the images.
         imu: frame of the IMU messages; empty without any.
         pose_of: which sensor the body is, when the user says so.
+        scanner: where the clouds are in the map frame, the frame of the LiDAR that took them; empty
+            when not known.
     """
 
     map: str
@@ -34,6 +36,7 @@ class Frames:
     camera: str
     imu: str = ""
     pose_of: str | None = None
+    scanner: str = ""
 
     @property
     def in_map(self) -> bool:
@@ -51,7 +54,7 @@ class Frames:
             role = self.pose_of
         return {
             "body": self.body,
-            "lidar": "" if self.in_map else self.lidar,
+            "lidar": self.scanner if self.in_map else self.lidar,
             "camera": self.camera,
             "imu": self.imu,
         }[role]
@@ -92,7 +95,9 @@ def mount(frames: Frames, tf: FrameTree, rig: RigFile, *, where: object) -> Moun
                 roles.link(a, b, found)
     T_body_camera, T_body_lidar = roles.find("body", "camera"), roles.find("body", "lidar")
     if T_body_lidar is None and frames.in_map:
-        T_body_lidar = np.eye(4)  # never used: the points are in the map already
+        # Points in the map are not moved by it: it only says where the sensor was that they are
+        # in range of. Unless tf or rig know better, that is where the body was.
+        T_body_lidar = np.eye(4)
     if T_body_camera is None or T_body_lidar is None:
         raise _no_link("camera" if T_body_camera is None else "lidar", frames, tf, where)
     return Mounting(T_body_camera, T_body_lidar)

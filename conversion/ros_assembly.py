@@ -21,6 +21,7 @@ from civil_rgbd.conversion.ros_choice import (
     choose_lidar,
     damage_of,
     imu_frame,
+    scanner_frame,
     transforms_gathered,
 )
 from civil_rgbd.conversion.ros_poses import Transforms, transforms_from
@@ -85,6 +86,7 @@ def assemble(opened: Opened, options: RecordingOptions) -> RosRecording:
         camera=camera.frame,
         imu=imu_frame(table),
         pose_of=options.pose_of,
+        scanner=scanner_frame(table, lidar, poses.child),
     )
     scans = stream_of(lidar)
     point_time = point_time_of_scans(opened, options, scans)

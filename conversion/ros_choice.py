@@ -157,6 +157,21 @@ def imu_frame(table: TopicTable) -> str:
     return frames.pop() if len(frames) == 1 else ""
 
 
+def scanner_frame(table: TopicTable, chosen: Topic, body: str) -> str:
+    """Return the frame of the raw clouds beside registered ones; empty when that is not clear.
+
+    Args:
+        table: the recording's topics.
+        chosen: the clouds that are read.
+        body: what the poses move; clouds moved into it say nothing of the LiDAR's place.
+    """
+    frames = {topic.gathered.frame for topic in table.of_role("lidar")}
+    frames -= {chosen.gathered.frame, ""}
+    if len(frames) > 1:
+        frames -= {body}
+    return frames.pop() if len(frames) == 1 else ""
+
+
 def _choose(
     table: TopicTable,
     role: str,

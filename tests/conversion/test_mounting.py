@@ -105,6 +105,15 @@ def test_registered_clouds_need_no_lidar_mount() -> None:
     assert np.allclose(made.T_body_camera, np.eye(4))
 
 
+def test_registered_clouds_know_their_sensors_place_where_tf_or_rig_do() -> None:
+    frames = Frames("world", "base", "world", "optical", scanner="velodyne")
+    tf = tree(("base", "velodyne", at(1, 2)), ("base", "optical", at(3)))
+    assert np.allclose(mount(frames, tf, RigFile(), where="").T_body_lidar, at(1, 2))
+    known = rig(T_body_lidar=at(5), T_body_camera=at(6))
+    assert np.allclose(mount(frames, FrameTree(), known, where="").T_body_lidar, at(5))
+    assert np.allclose(mount(frames, tf, known, where="").T_body_lidar, at(5))
+
+
 def test_a_missing_lidar_mount_is_named() -> None:
     with pytest.raises(RecordingError, match="the lidar frame 'velodyne'") as caught:
         mount(FRAMES, tree(("base", "optical", at(1))), RigFile(), where="")

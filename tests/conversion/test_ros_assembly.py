@@ -427,6 +427,20 @@ class TestFrames:
         assert recording.point_reach_ns == (0, 0)
         assert recording.rig.T_body_camera[:3, 3] == pytest.approx([1, 2, 3])
 
+    def test_raw_clouds_beside_registered_ones_tell_where_the_lidar_sits(
+        self, tmp_path: Path
+    ) -> None:
+        parts = {
+            **scene.whole(),
+            "scans": scene.scans("/registered", frame="odom"),
+            "raw": scene.scans("/raw", frame="lidar"),
+            "moved": scene.scans("/moved", frame="base"),
+            "poses": scene.poses(child="base"),
+            "base": scene.static("base", "lidar"),
+        }
+        rig = opened(tmp_path, parts, lidar_topic="/registered").rig
+        assert rig.T_body_lidar[:3, 3] == pytest.approx([1, 2, 3])
+
     def test_a_cloud_in_the_body_frame_is_not_in_the_map(self, tmp_path: Path) -> None:
         recording = opened(tmp_path, scene.whole())
         assert not recording.read_scan(0).in_map
