@@ -1,4 +1,4 @@
-"""Scenes and walks with known truth for ``odometry.py``: a girder bridge, and where geometry ends."""
+"""Scenes and walks with known truth for ``odometry.py``: girders, and where geometry ends."""
 
 from __future__ import annotations
 
@@ -76,13 +76,15 @@ class Trial:
     def _caster(self) -> RayCaster:
         return RayCaster(self.scene)
 
-    def truth(self, stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def truth(
+        self, stamps_ns: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Where the IMU truly is: (N, 3) metres and (N, 4) xyzw."""
         return self.walk((stamps_ns - START_NS) / NS_PER_S)
 
     @cached_property
     def imu(self) -> ImuReadings:
-        """Differences of the truth, with noise and a bias each; forces in g as Livox writes them."""
+        """Differences of the truth, with noise and a bias each; forces in g, as Livox has it."""
         count = int(self.seconds * IMU_RATE_HZ) + 1
         stamps = START_NS + np.arange(count, dtype=np.int64) * (NS_PER_S // IMU_RATE_HZ)
         (p0, q0), (p1, q1), (p2, q2) = (
@@ -178,6 +180,20 @@ def _ribs(first_x_m: float, last_x_m: float, *, width_m: float, height_m: float)
     return faces
 
 
+def _slab_bridge(width_m: float, span_m: float, height_m: float) -> list[Face]:
+    half = width_m / 2
+    faces = box("road", "road", (-130, -60, -1), (130, 60, 0))
+    faces += box("slab", "slab", (-half, -span_m - 1, height_m), (half, span_m + 1, height_m + 0.8))
+    for side in (-1, 1):
+        low, high = sorted((side * span_m, side * (span_m + 1)))
+        faces += box("abutment", "wall", (-half, low, 0), (half, high, height_m))
+        faces += box("parapet", "slab", (side * half - 0.15, -span_m - 9, height_m + 0.8),
+                     (side * half + 0.15, span_m + 9, height_m + 1.8))  # fmt: skip
+    for x in (-half * 0.6, 0.0, half * 0.6):
+        faces += box("pier", "wall", (x - 0.4, -0.4, 0), (x + 0.4, 0.4, height_m))
+    return faces
+
+
 def trials(part: str, *, seconds: float = 60.0) -> list[Trial]:
     """Return the trials that thresholds are set on (``set``) or that are scored (``scored``)."""
     if part == "set":
@@ -190,6 +206,8 @@ def trials(part: str, *, seconds: float = 60.0) -> list[Trial]:
              along((-16, -7.5, 1.5), length_m=30, up_deg=14, yaw_deg=12)),
             ("soffit", _soffit(6.5), along((0, 0, 1.4), length_m=40, up_deg=64)),
             ("tunnel", _round_tunnel(4.0), along((0, 0, 1.5), length_m=40, up_deg=6)),
+            ("slab on piers", _slab_bridge(11, 8, 4.6),
+             along((-10, -4.5, 1.5), length_m=18, up_deg=12, yaw_deg=14)),
             ("ribbed tunnel, then smooth",
              _box_tunnel(8, 6) + _ribs(-30, 14, width_m=8, height_m=6),
              along((0, 0.4, 1.5), length_m=60, up_deg=8, yaw_deg=20)),
@@ -201,6 +219,8 @@ def trials(part: str, *, seconds: float = 60.0) -> list[Trial]:
              along((-13, -6.9, 1.45), length_m=26, up_deg=10, yaw_deg=18)),
             ("soffit", _soffit(5.0), along((0, 0, 1.5), length_m=50, up_deg=58)),
             ("tunnel", _box_tunnel(7, 5), along((0, -0.5, 1.6), length_m=50, up_deg=10)),
+            ("slab on piers", _slab_bridge(9, 9, 5.2),
+             along((-9, -5.5, 1.5), length_m=16, up_deg=15, yaw_deg=20)),
             ("ribbed tunnel, then smooth",
              _round_tunnel(4.6) + _ribs(-40, 10, width_m=7.4, height_m=5),
              along((0, -0.3, 1.6), length_m=50, up_deg=5, yaw_deg=-15)),
