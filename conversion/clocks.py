@@ -49,5 +49,5 @@ def check_overlap(
         where=where,
         fix="where one clock counts from power-on and another from 1970, give their difference as "
         "camera_time_offset_s in a rig file (--rig; it is added to image stamps), and take poses "
-        "on the LiDAR's clock",
+        "on the LiDAR's clock (--trajectory-offset moves those of a file)",
     )

@@ -211,6 +211,26 @@ def _calibration(text: str, *options: str) -> Case:
     return case
 
 
+def _trajectory(text: str, *options: str) -> Case:
+    def case(folder: Path) -> list[str]:
+        (folder / "poses.txt").write_text(text)
+        given = ["--trajectory", str(folder / "poses.txt"), *options]
+        return _built(folder, scene.whole(), *given)
+
+    return case
+
+
+def _lidar_file(name: str, data: bytes, *options: str) -> Case:
+    def case(folder: Path) -> list[str]:
+        (folder / name).write_bytes(data)
+        return ["build", "--out", str(folder / "out"), *options, str(folder / name)]
+
+    return case
+
+
+_TUM = "1700000000.0 0 0 0 0 0 0 1\n1700000001.0 1 0 0 0 0 0 1\n"
+
+
 CASES: dict[str, Case] = {
     "no such file": _no_such_file,
     "not an MCAP": _not_an_mcap,
@@ -285,6 +305,19 @@ CASES: dict[str, Case] = {
         "--environment", str(folder / "engine")
     )(folder),
     "poses under a name of something else": _poses("--out", "poses.mcap"),
+    "trajectory of no clear format": _trajectory("1 0 0 0 0 0 0 1\n"),
+    "trajectory with a broken line": _trajectory(_TUM + "1700000002.0 1 0 0 0 0 0\n"),
+    "trajectory in nanoseconds": _trajectory(_TUM.replace(".0", "0" * 9)),
+    "trajectory that goes back in time": _trajectory(_TUM + _TUM),
+    "trajectory without unit quaternions": _trajectory(_TUM.replace("0 1\n", "0 2\n")),
+    "trajectory of nobody": _trajectory(_TUM),
+    "trajectory on another clock": _trajectory(_TUM.replace("17000", ""), "--pose-of", "lidar"),
+    "KITTI poses without times": _trajectory("1 0 0 0 0 1 0 0 0 0 1 0\n"),
+    "COLMAP without stamps and scale": _trajectory("1 1 0 0 0 0 0 0 1 a.png\n\n"),
+    "not an LVX file": _lidar_file("scan.lvx", b"a shopping list, and a long one too"),
+    "scans in nobody knows which frame": _lidar_file("scan.pcd", b""),
+    "scans without a time list": _lidar_file("scan.ply", b"", "--scans-in", "lidar"),
+    "images without a folder": _options("--image-times", "times.txt"),
     "inspect nothing": lambda folder: ["inspect-recording", str(folder / "missing.mcap")],
     "unknown simulated bridge": lambda folder: [
         "simulate",

@@ -217,7 +217,11 @@ def stamps_in_seconds(table: PoseTable, *, column: int = 0) -> list[int]:
         try:
             stamps_ns.append(ns_from_seconds(row.cells[column]))
         except ValueError as error:
-            raise broken_line(table, row.line, f"has no stamp in seconds: {error}") from error
+            raise RecordingError(
+                f"line {row.line} has no stamp in seconds: {error}",
+                where=table.path,
+                fix="write stamps in seconds with their decimals, such as 1700000000.123456789",
+            ) from error
     return stamps_ns
 
 
