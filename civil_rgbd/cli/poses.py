@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -100,7 +102,7 @@ def command(
 
     engine = engine_named(engine_name)
     _refuse_to_overwrite(out, overwrite=overwrite)
-    with _bar() as on_step:
+    with _ends_when_told(), _bar() as on_step:
         program = _program(engine, environment, create=create_environment, on_step=on_step)
         recording = _opened(source, options)
         with _scratch(keep, out) as scratch:
@@ -207,6 +209,23 @@ def _scratch(keep: Path | None, out: Path) -> Iterator[Path]:
         scratch = stack.enter_context(tempfile.TemporaryDirectory(prefix=prefix, dir=out.parent))
     with stack:
         yield Path(scratch).absolute()
+
+
+@contextmanager
+def _ends_when_told() -> Iterator[None]:
+    """Turn SIGTERM into an exit, so that the engine is stopped and the scratch folder removed."""
+
+    def leave(number: int, _frame: object) -> None:
+        raise SystemExit(128 + number)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread may listen
+        return
+    before = signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -119,3 +123,24 @@ def test_a_name_that_is_no_tum_file_is_refused(
 ) -> None:
     assert main(["poses", "raw.mcap", "--out", str(tmp_path / "poses.mcap")]) == 2
     assert "write to 'poses.tum'" in capsys.readouterr().err
+
+
+def test_who_is_told_to_end_takes_the_engine_along_and_leaves_nothing(
+    tmp_path: Path, raw: Path
+) -> None:
+    note = tmp_path / "engine.pid"
+    code = f"import os, time; Path({str(note)!r}).write_text(str(os.getpid())); time.sleep(60)"
+    folder, out = environment(tmp_path, raw, code), tmp_path / "found" / "poses.tum"
+    arguments = ["poses", str(raw), "--out", str(out), "--environment", str(folder)]
+    command = subprocess.Popen([sys.executable, "-m", "civil_rgbd", *arguments])
+    for _ in range(300):
+        if note.exists() and note.read_text():
+            break
+        time.sleep(0.1)
+
+    command.terminate()
+
+    assert command.wait(timeout=20) == 128 + signal.SIGTERM
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(note.read_text()), 0)
+    assert list(out.parent.iterdir()) == []
