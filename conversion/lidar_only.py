@@ -301,11 +301,21 @@ def _notes(
     notes, counts = source.notes, dict(source.notes.counts)
     if recording.images.without_stamp:
         counts["image-file-without-stamp"] = recording.images.without_stamp
+    rectified = options.rectified or options.rig.rectified
+    reading = {
+        "image_topic": "files",
+        "camera_info_topic": "rig",
+        "pose_topic": "file",
+        "pose_of": recording.rig.body,
+        "rectified": "yes" if rectified else "no",
+        "registered": "yes" if source.in_map else "no",
+    }
     return replace(
         notes,
+        reading=notes.reading | reading,
         map_up=options.rig.map_up,
         warnings=notes.warnings
-        + lens_remarks(options, rectified=options.rectified or options.rig.rectified)
+        + lens_remarks(options, rectified=rectified)
         + trajectory_remarks(recording.rig, options, recording.scans.stamps_ns),
         counts=counts,
     )

@@ -21,7 +21,7 @@ from civil_rgbd.conversion.lidar_only import (
 from civil_rgbd.conversion.pcd import read_pcd
 from civil_rgbd.conversion.ply import read_ply
 from civil_rgbd.conversion.point_table import PointTable, reading_cloud, scan_from_table
-from civil_rgbd.conversion.point_time import PointTime, point_time_of
+from civil_rgbd.conversion.point_time import IGNORE, PointTime, point_time_of
 from civil_rgbd.domain.folders import file_source, files_in_order, folder_source
 from civil_rgbd.domain.recording import Recording, RecordingNotes, RecordingOptions
 from civil_rgbd.domain.scan import LidarScan
@@ -104,6 +104,7 @@ def open_recording(location: str | Path, options: RecordingOptions | None = None
         lidar_name="",
         notes=RecordingNotes(
             deskew=deskew,
+            reading={"point_time": point_time.words if point_time else IGNORE},
             warnings=remarks,
             counts={"scan-file-without-stamp": left_out} if left_out else {},
         ),

@@ -135,6 +135,15 @@ class TestLayout:
         (tmp_path / "rig.toml").write_text(RIG.split("[extrinsics]", maxsplit=1)[0])
         recording = opened(tmp_path, scans_in="map", pose_of="camera")
         assert recording.read_scan(0).in_map
+        assert recording.notes.reading == {
+            "point_time": "none",
+            "image_topic": "files",
+            "camera_info_topic": "rig",
+            "pose_topic": "file",
+            "pose_of": "camera",
+            "rectified": "no",
+            "registered": "yes",
+        }
         assert recording.notes.deskew == "registered"
         np.testing.assert_array_equal(recording.rig.T_body_camera, np.eye(4))
 
@@ -152,7 +161,9 @@ class TestLayout:
         assert scan.noise is not None
         assert scan.noise.tolist() == [False, True, False, True, False]
         assert recording.point_reach_ns == (0, 10**9)
-        assert opened(tmp_path, point_time="none").notes.deskew == "unavailable"
+        ignored = opened(tmp_path, point_time="none").notes
+        assert ignored.deskew == "unavailable"
+        assert ignored.reading["point_time"] == "none"
 
     def test_names_bring_stamps_and_files_together(self, tmp_path: Path) -> None:
         scans = folder_of_scans(tmp_path)
