@@ -9,11 +9,17 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from civil_rgbd.conversion.beside import (
+    camera_of_rig,
+    images_beside,
+    require_body,
+    sources_beside,
+    trajectory_remarks,
+)
 from civil_rgbd.conversion.clocks import check_overlap
 from civil_rgbd.conversion.frame_tree import FrameTree
-from civil_rgbd.conversion.image_folder import ImageFolder, open_images, read_image_file
+from civil_rgbd.conversion.image_folder import ImageFolder, read_image_file
 from civil_rgbd.conversion.mounting import Frames, mount
-from civil_rgbd.domain.folders import file_source, folder_source
 from civil_rgbd.domain.recording import (
     CameraImage,
     RecordingNotes,
@@ -22,8 +28,7 @@ from civil_rgbd.domain.recording import (
 )
 from civil_rgbd.domain.rig import Rig
 from civil_rgbd.domain.scan import LidarScan
-from civil_rgbd.errors import ImageDecodeError, RecordingError, UsageError
-from civil_rgbd.geometry.camera import LensCamera
+from civil_rgbd.errors import ImageDecodeError, UsageError
 from civil_rgbd.geometry.trajectory import Trajectory
 
 NO_POINT_TIMES: Final = (
@@ -31,8 +36,6 @@ NO_POINT_TIMES: Final = (
     "de-skewing"
 )
 """The warning for scans that are not de-skewed."""
-
-_NO_TOPICS: Final = ("image_topic", "camera_info_topic", "pose_topic", "imu_topic")
 
 
 class Scans(Protocol):
@@ -133,27 +136,6 @@ class LidarOnlyRecording:
         return read_image_file(self.images.paths[index], index, stamp_ns, self.rig.camera)
 
 
-def refuse_topics(options: RecordingOptions, *names: str, where: object) -> None:
-    """Refuse options that choose topics: there are none.
-
-    Args:
-        options: of the user.
-        names: further attributes that must not be given.
-        where: the source.
-
-    Raises:
-        UsageError: one is given.
-    """
-    for name in (*_NO_TOPICS, *names):
-        if getattr(options, name) is not None:
-            option = "--" + name.replace("_", "-")
-            raise UsageError(
-                f"{option} chooses nothing here: the source is no recording with topics",
-                where=where,
-                fix=f"leave {option} out; images come by --images, poses by --trajectory",
-            )
-
-
 def assemble_lidar_only(source: LidarSource, options: RecordingOptions) -> LidarOnlyRecording:
     """Put a recording together from a LiDAR and what lies beside it.
 
@@ -211,42 +193,6 @@ def assemble_lidar_only(source: LidarSource, options: RecordingOptions) -> Lidar
     return replace(recording, notes=_notes(recording, source, options))
 
 
-def require_body(options: RecordingOptions, *, where: object) -> None:
-    """Refuse poses from a file that nobody says whose poses they are.
-
-    Raises:
-        UsageError: neither ``--pose-of`` nor the rig file's ``body`` says it.
-    """
-    if options.pose_of is None and not any("body" in pair for pair in options.rig.extrinsics):
-        raise UsageError(
-            "the trajectory file does not say what its poses are poses of",
-            where=where,
-            fix="say so with --pose-of camera, lidar or imu, or give T_body_lidar and "
-            "T_body_camera in the rig file",
-        )
-
-
-def camera_of_rig(options: RecordingOptions, *, rectified: bool, where: object) -> LensCamera:
-    """Return the camera of the rig file.
-
-    Args:
-        options: with the rig file.
-        rectified: the images are rectified already: a lens would be taken out twice.
-        where: the source, for errors.
-
-    Raises:
-        RecordingError: it has none.
-    """
-    camera = options.rig.camera
-    if camera is None:
-        raise RecordingError(
-            "the source holds no camera model",
-            where=where,
-            fix="give camera and extrinsics in a rig file: --rig rig.toml",
-        )
-    return LensCamera(camera.pinhole) if rectified else camera
-
-
 def lens_remarks(options: RecordingOptions, *, rectified: bool) -> tuple[str, ...]:
     """Say in words when a rig file's lens is not applied.
 
@@ -258,41 +204,6 @@ def lens_remarks(options: RecordingOptions, *, rectified: bool) -> tuple[str, ..
     if camera is None or not rectified or camera.lens == "none":
         return ()
     return (f"the images are rectified: the rig file's lens, {camera.lens}, is not applied",)
-
-
-def images_beside(options: RecordingOptions) -> ImageFolder | None:
-    """Return the images of a folder, where the user gives one.
-
-    Raises:
-        RecordingError: there are no images or stamps, or they do not belong to each other.
-        UsageError: a time list is given without images.
-    """
-    if options.images is None and options.image_times is not None:
-        raise UsageError(
-            "--image-times gives stamps, but there are no images",
-            where=options.image_times,
-            fix="give their folder: --images FOLDER",
-        )
-    if options.images is None:
-        return None
-    return open_images(options.images.absolute(), options.image_times)
-
-
-def sources_beside(options: RecordingOptions, images: ImageFolder | None) -> tuple[SourceFile, ...]:
-    """Return the files that lie beside a source: poses, images, time lists.
-
-    Args:
-        options: with the files of the trajectory.
-        images: of a folder; None when the source has its own.
-
-    Raises:
-        RecordingError: a file cannot be read.
-    """
-    beside = list(options.trajectory_sources)
-    if images is not None:
-        beside.append(folder_source(images.paths[0].parent, images.paths, "images"))
-        beside.append(file_source(images.times, "times"))
-    return tuple(dict.fromkeys(beside))  # one list may stamp images and poses
 
 
 def _notes(
@@ -319,27 +230,3 @@ def _notes(
         + trajectory_remarks(recording.rig, options, recording.scans.stamps_ns),
         counts=counts,
     )
-
-
-def trajectory_remarks(
-    rig: Rig, options: RecordingOptions, scan_stamps_ns: NDArray[np.int64]
-) -> tuple[str, ...]:
-    """Say in words where poses from a file come from, and when they are too short.
-
-    Args:
-        rig: of the recording.
-        options: with a trajectory.
-        scan_stamps_ns: (S,).
-    """
-    trajectory = options.trajectory
-    if trajectory is None:
-        return ()
-    origin = f"poses are taken from {options.trajectory_note}"
-    remarks = [f"{origin}: poses of the {rig.body} at the instant of their own stamps"]
-    inside = (scan_stamps_ns >= trajectory.start_ns) & (scan_stamps_ns <= trajectory.end_ns)
-    if not inside.all():
-        remarks.append(
-            f"the trajectory is shorter than the scan: {int(inside.sum())} of {len(inside)} scans "
-            "begin between its first and its last pose"
-        )
-    return tuple(remarks)

@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from civil_rgbd.conversion.beside import refuse_topics
 from civil_rgbd.conversion.frame_tree import FrameTree
-from civil_rgbd.conversion.lidar_only import LidarSource, assemble_lidar_only, refuse_topics
+from civil_rgbd.conversion.lidar_only import LidarSource, assemble_lidar_only
 from civil_rgbd.conversion.lvx_file import LvxHeader, read_lvx_header
 from civil_rgbd.conversion.lvx_imu import read_imu
 from civil_rgbd.conversion.lvx_scans import Index, LvxScans, index_scans

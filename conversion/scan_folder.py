@@ -10,13 +10,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from civil_rgbd.conversion.beside import refuse_topics
 from civil_rgbd.conversion.image_folder import find_times, match_stamps
 from civil_rgbd.conversion.las import read_las
 from civil_rgbd.conversion.lidar_only import (
     NO_POINT_TIMES,
     LidarSource,
     assemble_lidar_only,
-    refuse_topics,
 )
 from civil_rgbd.conversion.pcd import read_pcd
 from civil_rgbd.conversion.ply import read_ply
