@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from civil_rgbd.conversion.beside import camera_of_rig, lens_remarks
 from civil_rgbd.conversion.camera_info import CameraInfo, camera_from_info, parse_camera_info
 from civil_rgbd.conversion.cdr import decoding
 from civil_rgbd.conversion.gathering import GatheredCameraInfo
-from civil_rgbd.conversion.lidar_only import camera_of_rig, lens_remarks
 from civil_rgbd.conversion.ros_choice import choose_camera_info
 from civil_rgbd.conversion.topics import Topic, TopicTable
 from civil_rgbd.domain.recording import RecordingOptions

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from civil_rgbd.conversion.beside import require_body
 from civil_rgbd.conversion.gathering import GatheredPaths, GatheredPoses
-from civil_rgbd.conversion.lidar_only import require_body
 from civil_rgbd.conversion.ros_choice import choose_poses, no_poses
 from civil_rgbd.conversion.ros_poses import Transforms, link_that_carries, trajectory_from
 from civil_rgbd.conversion.topics import Topic, TopicTable

@@ -5,12 +5,12 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
+from civil_rgbd.conversion.beside import images_beside, sources_beside, trajectory_remarks
 from civil_rgbd.conversion.camera_source import CameraSource, choose_camera
 from civil_rgbd.conversion.cdr import SALVAGE_FIX, decoding
 from civil_rgbd.conversion.clocks import check_overlap
 from civil_rgbd.conversion.gathering import GatheredLivox
 from civil_rgbd.conversion.image_folder import ImageFolder
-from civil_rgbd.conversion.lidar_only import images_beside, sources_beside, trajectory_remarks
 from civil_rgbd.conversion.livox import LIVOX_TIME
 from civil_rgbd.conversion.mounting import BODIES, Frames, Mounting, mount
 from civil_rgbd.conversion.point_clouds import parse_cloud, scan_from_cloud, with_unit
