@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from civil_rgbd.domain.bridge import BridgeInfo, Contribution, Location, Structure
 from civil_rgbd.errors import UsageError
-from civil_rgbd.format.documents import schema_faults
+from civil_rgbd.format.documents import counted_faults, schema_faults
 from civil_rgbd.format.versions import Document
 from civil_rgbd.resources import load_schema, nearest
 
@@ -48,7 +48,7 @@ def bridge_info_from_toml(path: Path, bridge_id: str) -> BridgeInfo:
     if faults:
         listing = "".join(f"\n    {place}: {words}" for place, words in faults)
         raise UsageError(
-            f"the bridge's description has {len(faults)} faults:{listing}",
+            f"the bridge's description has {counted_faults(faults)}:{listing}",
             where=path,
             fix="docs/format.md explains every key of bridge.toml",
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sized
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -142,7 +142,7 @@ def refuse_faults(faults: Iterable[str], *, kind: str, where: object) -> None:
     more = [f"and {len(lines) - _SHOWN_FAULTS} more"] if len(lines) > _SHOWN_FAULTS else []
     listing = "".join(f"\n    {line}" for line in lines[:_SHOWN_FAULTS] + more)
     raise FormatError(
-        f"{len(lines)} faults against schema/{kind}.schema.json:{listing}",
+        f"{counted_faults(lines)} against schema/{kind}.schema.json:{listing}",
         where=where,
         fix="mend these places; docs/format.md explains every key",
     )
@@ -185,3 +185,12 @@ def write_text(path: Path, text: str) -> None:
     """
     with whole_file(path) as scratch:
         scratch.write_bytes(text.encode("utf-8"))
+
+
+def counted_faults(faults: Sized) -> str:
+    """Say how many faults there are.
+
+    >>> counted_faults(["one"]), counted_faults([])
+    ('1 fault', '0 faults')
+    """
+    return "1 fault" if len(faults) == 1 else f"{len(faults)} faults"
