@@ -131,3 +131,16 @@ def trajectory_remarks(
             "begin between its first and its last pose"
         )
     return tuple(remarks)
+
+
+def lens_remarks(options: RecordingOptions, *, rectified: bool) -> tuple[str, ...]:
+    """Say in words when a rig file's lens is not applied.
+
+    Args:
+        options: with the rig file.
+        rectified: the images are rectified already.
+    """
+    camera = options.rig.camera
+    if camera is None or not rectified or camera.lens == "none":
+        return ()
+    return (f"the images are rectified: the rig file's lens, {camera.lens}, is not applied",)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from civil_rgbd.conversion.beside import (
     camera_of_rig,
     images_beside,
+    lens_remarks,
     require_body,
     sources_beside,
     trajectory_remarks,
@@ -191,19 +192,6 @@ def assemble_lidar_only(source: LidarSource, options: RecordingOptions) -> Lidar
     with suppress(ImageDecodeError):  # one damaged image is the build's to count
         recording.read_image(0)  # a wrong camera or codec shows now, not after an hour
     return replace(recording, notes=_notes(recording, source, options))
-
-
-def lens_remarks(options: RecordingOptions, *, rectified: bool) -> tuple[str, ...]:
-    """Say in words when a rig file's lens is not applied.
-
-    Args:
-        options: with the rig file.
-        rectified: the images are rectified already.
-    """
-    camera = options.rig.camera
-    if camera is None or not rectified or camera.lens == "none":
-        return ()
-    return (f"the images are rectified: the rig file's lens, {camera.lens}, is not applied",)
 
 
 def _notes(
