@@ -15,7 +15,7 @@ from civil_rgbd.domain.recording import Recording
 from civil_rgbd.errors import ImageDecodeError
 from civil_rgbd.geometry.transforms import inverse
 from civil_rgbd.pipeline.accumulate import PointWindow, SlidingWindow
-from civil_rgbd.pipeline.image import ImageMaker
+from civil_rgbd.pipeline.image import ImageMaker, image_maker
 from civil_rgbd.pipeline.prepare import MappedScan, PointCounts, local_origin, map_scan
 from civil_rgbd.pipeline.render import render_depth
 
@@ -76,7 +76,7 @@ class FrameMaker:
     _origin_map: NDArray[np.float64] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.images = ImageMaker(self.recording.rig.camera, self.recipe.image)
+        self.images = image_maker(self.recording.rig.camera, self.recipe.image)
         self._origin_map = local_origin(self.recording.trajectory)
 
     def make(self, planned: Sequence[PlannedFrame]) -> Iterator[FrameOutcome]:

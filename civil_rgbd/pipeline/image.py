@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -67,6 +68,12 @@ class ImageMaker:
             rgb[self._missing] = 0
         made: NDArray[np.uint8] = rgb
         return made
+
+
+@lru_cache(maxsize=4)
+def image_maker(raw: LensCamera, stage: ImageStage) -> ImageMaker:
+    """Return the maker of a camera's stored images; every chunk of a build uses the same one."""
+    return ImageMaker(raw, stage)
 
 
 def _whole_pixels_and_weights(
