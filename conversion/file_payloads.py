@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import OrderedDict
 from pathlib import Path
 from typing import Any, BinaryIO, Final
@@ -14,7 +15,7 @@ _KEPT_CHUNKS: Final = 8
 _KEPT_BYTES: Final = 1 << 28
 
 
-class ChunkedPayloads:
+class ChunkedPayloads(ABC):
     """Random access to messages; opens its file when first asked, in whatever process that is.
 
     The last few decompressed chunks are kept, as neighbours are asked for together. Containers
@@ -30,13 +31,13 @@ class ChunkedPayloads:
         # Neither the open file nor what is kept in memory travels to a worker.
         return (type(self), (self._path, self._size_bytes))
 
+    @abstractmethod
     def records_at(self, start: int) -> memoryview:
         """Return the decompressed records of the chunk that starts at a byte.
 
         Raises:
             ChunkError: there is no such chunk, or it cannot be read.
         """
-        raise NotImplementedError
 
     def message(self, stored: memoryview) -> memoryview:
         """Return a message as its publisher wrote it.

@@ -63,9 +63,48 @@ _OPTIONS: Final = (
 _OF_TRAJECTORY: Final = ("trajectory_format", "trajectory_times", "trajectory_offset")
 
 
-def options_beside(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options; :func:`read_beside` turns what they give into nouns."""
-    for option in reversed(_OPTIONS):
+_OF_RECORDING: Final = (
+    click.option(
+        "--lidar-topic", metavar="TOPIC", help="The point clouds, where several topics fit."
+    ),
+    click.option("--image-topic", metavar="TOPIC", help="The images, where several topics fit."),
+    click.option(
+        "--camera-info-topic", metavar="TOPIC", help="The camera model, where several topics fit."
+    ),
+    click.option("--pose-topic", metavar="TOPIC", help="The poses, where several topics fit."),
+    click.option(
+        "--pose-of",
+        type=click.Choice(["camera", "lidar", "imu"]),
+        help="What poses are poses of: PoseStamped, Path, and most trajectory files do not say it.",
+    ),
+    *_OPTIONS,
+    click.option(
+        "--rig",
+        "rig_path",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="TOML: camera, extrinsics and time offset, where the recording lacks them.",
+    ),
+    click.option(
+        "--point-time",
+        metavar="FIELD:UNIT:REFERENCE",
+        help="Per-point time of an unusual point cloud, for example stamp:us:header.",
+    ),
+    click.option(
+        "--rectified", is_flag=True, help="The images are rectified: take P, no distortion."
+    ),
+    click.option(
+        "--salvage", is_flag=True, help="Go on with what is readable of a damaged recording."
+    ),
+)
+
+
+def options_of_recording(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options that say of a recording what it does not say itself.
+
+    :func:`read_beside` turns what those of the trajectory give into nouns.
+    """
+    for option in reversed(_OF_RECORDING):
         command = option(command)
     return command
 

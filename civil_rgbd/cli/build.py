@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from civil_rgbd.cli.beside import options_beside, read_beside
+from civil_rgbd.cli.beside import options_of_recording, read_beside
 from civil_rgbd.errors import UsageError
 
 if TYPE_CHECKING:
@@ -62,32 +62,7 @@ if TYPE_CHECKING:
     help="Processes  [default: one a processor]",
 )
 @click.option("--overwrite", is_flag=True, help="Replace a bridge that was made otherwise.")
-@click.option("--salvage", is_flag=True, help="Build from what is readable of a damaged recording.")
-@click.option("--lidar-topic", metavar="TOPIC", help="The point clouds, where several topics fit.")
-@click.option("--image-topic", metavar="TOPIC", help="The images, where several topics fit.")
-@click.option(
-    "--camera-info-topic", metavar="TOPIC", help="The camera model, where several topics fit."
-)
-@click.option("--pose-topic", metavar="TOPIC", help="The poses, where several topics fit.")
-@click.option(
-    "--pose-of",
-    type=click.Choice(["camera", "lidar", "imu"]),
-    help="What poses are poses of: PoseStamped, Path, and most trajectory files do not say it.",
-)
-@options_beside
-@click.option(
-    "--rig",
-    "rig_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="TOML: camera, extrinsics and time offset, where the recording lacks them.",
-)
-@click.option(
-    "--point-time",
-    metavar="FIELD:UNIT:REFERENCE",
-    help="Per-point time of an unusual point cloud, for example stamp:us:header.",
-)
-@click.option("--rectified", is_flag=True, help="The images are rectified: take P, no distortion.")
+@options_of_recording
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 def command(
     sources: tuple[str, ...],

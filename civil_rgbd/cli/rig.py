@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from civil_rgbd.cli.beside import options_beside, read_beside
+from civil_rgbd.cli.beside import options_of_recording, read_beside
 
 if TYPE_CHECKING:
     from civil_rgbd.domain.recording import Recording, RecordingOptions
@@ -101,27 +101,7 @@ def _size(text: str | None) -> tuple[int, int] | None:
 
 @command.command("check")
 @click.argument("source", metavar="RECORDING")
-@click.option(
-    "--rig",
-    "rig_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="The rig file to check  [default: what the recording says]",
-)
-@click.option("--lidar-topic", metavar="TOPIC", help="The point clouds, where several topics fit.")
-@click.option("--image-topic", metavar="TOPIC", help="The images, where several topics fit.")
-@click.option(
-    "--camera-info-topic", metavar="TOPIC", help="The camera model, where several topics fit."
-)
-@click.option("--pose-topic", metavar="TOPIC", help="The poses, where several topics fit.")
-@click.option(
-    "--pose-of",
-    type=click.Choice(["camera", "lidar", "imu"]),
-    help="What poses are poses of, where they do not say it.",
-)
-@options_beside
-@click.option("--rectified", is_flag=True, help="The images are rectified.")
-@click.option("--salvage", is_flag=True, help="Go on with what is readable of a damaged recording.")
+@options_of_recording
 @click.option("--json", "as_json", is_flag=True, help="Print it for machines.")
 @click.pass_context
 def check(
