@@ -13,10 +13,10 @@ Four speeds are printed. *bare*: OpenCV and OpenEXR decode the files, nothing el
 shapes that cost nothing to make; what it takes is torch's own, whatever the dataset. *load*:
 BridgeDataset through the same kind of worker.
 
-Last measured, torch 2.13, two virtual cores of a busy machine, milliseconds a sample:
+Last measured, torch 2.13, two virtual cores, milliseconds a sample:
 
                         bare   sample   transfer   load          ratio
-    frames of its own   5.21     6.04       1.77   9.58 (104/s)   0.54
+    frames of its own   5.10     6.15       1.56   9.17 (109/s)   0.56
     the simulated demo  4.14     5.17       1.90   8.10 (123/s)   0.51
 
 So the speed is reached for real frames and the ratio is not. What is between: 0.35 ms checks that
