@@ -76,19 +76,22 @@ class ChunkRecord:
     point_counts: dict[int, PointCounts]
 
 
-def run_chunk(job: Job, chunk: Chunk, *, on_frame: Callable[[], object]) -> ChunkRecord:
+def run_chunk(
+    job: Job, chunk: Chunk, maker: FrameMaker, *, on_frame: Callable[[], object]
+) -> ChunkRecord:
     """Make the frames of one chunk and write them; the record comes last.
 
     Args:
         job: what the chunks share.
         chunk: which frames.
+        maker: of the job's recording and recipe; it may have made other chunks before.
         on_frame: called after each frame.
 
     Returns:
         what became of them.
     """
     planned = job.frames[chunk.first : chunk.stop]
-    maker = FrameMaker(job.recording, job.recipe)
+    maker.forget_counts()
     frames = []
     for outcome in maker.make(planned):
         frames.append(_record(job, outcome))

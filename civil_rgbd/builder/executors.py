@@ -9,12 +9,14 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from functools import lru_cache
 from multiprocessing.connection import wait as wait_for_handle
 from typing import Final
 
 from civil_rgbd.builder.chunks import ChunkRecord, Job, run_chunk
 from civil_rgbd.builder.plan import Chunk
 from civil_rgbd.errors import BridgeFailedError
+from civil_rgbd.pipeline.frames import FrameMaker
 
 MAX_ATTEMPTS: Final = 3
 """A chunk whose worker dies this often is given up."""
@@ -28,8 +30,9 @@ def in_this_process(
     """Run chunks one after another: the default for one worker, and the easiest to debug."""
     del workers
     use_one_thread()
+    maker = FrameMaker(job.recording, job.recipe)
     for chunk in chunks:
-        yield run_chunk(job, chunk, on_frame=lambda: on_frames(1))
+        yield run_chunk(job, chunk, maker, on_frame=lambda: on_frames(1))
 
 
 def in_processes(
@@ -124,7 +127,12 @@ def _die_with_parent() -> None:
 def _run_in_worker(chunk: Chunk) -> ChunkRecord:
     if _job is None:
         raise RuntimeError("the worker was not started by _start_worker")
-    return run_chunk(_job, chunk, on_frame=lambda: None)
+    return run_chunk(_job, chunk, _maker_of(_job), on_frame=lambda: None)
+
+
+@lru_cache(maxsize=1)
+def _maker_of(job: Job) -> FrameMaker:
+    return FrameMaker(job.recording, job.recipe)
 
 
 def _stop(pool: ProcessPoolExecutor) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -18,6 +19,8 @@ from civil_rgbd.pipeline.accumulate import PointWindow, SlidingWindow
 from civil_rgbd.pipeline.image import ImageMaker, image_maker
 from civil_rgbd.pipeline.prepare import MappedScan, PointCounts, local_origin, map_scan
 from civil_rgbd.pipeline.render import render_depth
+
+_KEPT_WINDOWS = 2  # how many windows' worth of mapped points are kept for windows to come
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,10 +77,15 @@ class FrameMaker:
     point_counts: dict[int, PointCounts] = field(default_factory=dict)
     images: ImageMaker = field(init=False)
     _origin_map: NDArray[np.float64] = field(init=False)
+    _recent: OrderedDict[int, MappedScan] = field(default_factory=OrderedDict, init=False)
 
     def __post_init__(self) -> None:
         self.images = image_maker(self.recording.rig.camera, self.recipe.image)
         self._origin_map = local_origin(self.recording.trajectory)
+
+    def forget_counts(self) -> None:
+        """Begin to count points anew: each chunk speaks of its own windows."""
+        self.point_counts = {}
 
     def make(self, planned: Sequence[PlannedFrame]) -> Iterator[FrameOutcome]:
         """Make the frames of a chunk, one at a time; its first window is read back until full."""
@@ -138,12 +146,17 @@ class FrameMaker:
         return FrameOutcome(plan.source_index, None, reason, window.count, 0, window.span_ns)
 
     def _read_mapped(self, scan: int) -> MappedScan:
-        mapped = map_scan(
+        # The next chunk's window begins among the scans that the last one's ended with.
+        mapped = self._recent.pop(scan, None) or map_scan(
             self.recording.read_scan(scan),
             trajectory=self.recording.trajectory,
             rig=self.recording.rig,
             recipe=self.recipe,
             origin_map=self._origin_map,
         )
+        self._recent[scan] = mapped
+        kept_points = sum(len(recent.stamps_ns) for recent in self._recent.values())
+        while kept_points > _KEPT_WINDOWS * self.recipe.accumulate.points and len(self._recent) > 1:
+            kept_points -= len(self._recent.popitem(last=False)[1].stamps_ns)
         self.point_counts[scan] = mapped.counts
         return mapped
