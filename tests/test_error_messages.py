@@ -276,6 +276,11 @@ CASES: dict[str, Case] = {
     "unusual point time": _options("--point-time", "stamp:us"),
     "unknown key in a rig": _rig(RIG + "focal_px = 3\n"),
     "rig for another camera": _rig(RIG.replace("64", "1280").replace("48", "720")),
+    "licence that is none": _options("--licence", "foo bar"),
+    "licence that is none, of a set": lambda folder: [
+        *("convert", str(folder), "--from", "tum", "--bridge", "B1", "--out", str(folder / "out")),
+        *("--licence", "foo bar"),
+    ],
     "validate nothing": lambda folder: ["validate", str(folder / "missing")],
     "info of a folder that is no dataset": lambda folder: ["info", str(folder)],
     "unknown importer": lambda folder: ["convert", str(folder), "--from", "bridge_rgbd"],

@@ -7,15 +7,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from civil_rgbd.cli.beside import options_of_recording, read_beside
-from civil_rgbd.errors import UsageError
-
-if TYPE_CHECKING:
-    from civil_rgbd.domain.bridge import BridgeInfo
+from civil_rgbd.cli.bridge_info import options_of_bridge, read_bridge_info
 
 
 @click.command("build")
@@ -38,23 +34,7 @@ if TYPE_CHECKING:
 @click.option(
     "--bridge", "bridge_id", metavar="ID", help="The bridge's id  [default: the file's stem]"
 )
-@click.option(
-    "--out",
-    "dataset",
-    type=click.Path(path_type=Path),
-    default="civil_rgbd_data",
-    show_default=True,
-    metavar="FOLDER",
-    help="The dataset folder; the bridge goes to bridges/ID in it.",
-)
-@click.option(
-    "--bridge-info",
-    "bridge_info",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="TOML: name, place, structure, licence, citation of the bridge.",
-)
-@click.option("--licence", metavar="SPDX", help="Licence of the data, for example CC-BY-4.0.")
+@options_of_bridge
 @click.option(
     "--workers",
     type=click.IntRange(min=1),
@@ -91,6 +71,7 @@ def command(
     from civil_rgbd.builder.run import BuildOptions, build_bridge
     from civil_rgbd.cli.progress import frame_bar
     from civil_rgbd.converters import open_recording
+    from civil_rgbd.domain.bridge import BridgeInfo
     from civil_rgbd.domain.recording import RecordingOptions
     from civil_rgbd.domain.rig import RigFile
     from civil_rgbd.trajectories.rig import read_rig
@@ -99,7 +80,10 @@ def command(
     location = sources[0] if sources else _demo_recording()
     bridge_id = bridge_id or (Path(sources[0]).stem if sources else "demo")
     require_free_id(dataset, bridge_id)
-    info = _info(bridge_id, bridge_info, licence, simulated=not sources)
+    unsaid = BridgeInfo(bridge_id)
+    if not sources:
+        unsaid = BridgeInfo(bridge_id, licence="CC0-1.0", name="Simulated girder bridge")
+    info = read_bridge_info(bridge_info, licence=licence, otherwise=unsaid)
     rig = read_rig(rig_path) if rig_path else RigFile()
     options = RecordingOptions(rig=rig, **read_beside(recording_options))
     options = replace(options, more_files=tuple(map(Path, sources[1:])))
@@ -134,24 +118,6 @@ def _demo_recording() -> str:
 
     click.echo("no source given: building the simulated demo bridge", err=True)
     return str(cached_demo_recording())
-
-
-def _info(bridge_id: str, path: Path | None, licence: str | None, *, simulated: bool) -> BridgeInfo:
-    from civil_rgbd.domain.bridge import BridgeInfo
-    from civil_rgbd.format.bridge_info import bridge_info_from_toml
-
-    if path is not None:
-        info = bridge_info_from_toml(path, bridge_id)
-    elif simulated:
-        info = BridgeInfo(bridge_id, licence="CC0-1.0", name="Simulated girder bridge")
-    else:
-        info = BridgeInfo(bridge_id)
-    try:
-        return replace(info, licence=licence) if licence else info
-    except ValueError as error:
-        raise UsageError(
-            str(error), where="--licence", fix="see https://spdx.org/licenses for the names"
-        ) from error
 
 
 def _processors() -> int:

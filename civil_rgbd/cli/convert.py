@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import click
+
+from civil_rgbd.cli.bridge_info import options_of_bridge, read_bridge_info
 
 
 @click.command("convert")
@@ -21,23 +22,7 @@ import click
 @click.option(
     "--bridge", "bridge_id", metavar="ID", help="The bridge's id  [default: the folder's name]"
 )
-@click.option(
-    "--out",
-    "dataset",
-    type=click.Path(path_type=Path),
-    default="civil_rgbd_data",
-    show_default=True,
-    metavar="FOLDER",
-    help="The dataset folder; the bridge goes to bridges/ID in it.",
-)
-@click.option(
-    "--bridge-info",
-    "bridge_info",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="TOML: name, place, structure, licence, citation of the bridge.",
-)
-@click.option("--licence", metavar="SPDX", help="Licence of the data, for example CC-BY-4.0.")
+@options_of_bridge
 @click.option(
     "--depth-scale",
     type=click.FloatRange(min=0, min_open=True),
@@ -107,15 +92,13 @@ def command(
     from civil_rgbd.builder.provenance import software
     from civil_rgbd.cli.progress import frame_bar
     from civil_rgbd.domain.bridge import BridgeInfo
-    from civil_rgbd.format.bridge_info import bridge_info_from_toml
     from civil_rgbd.importers.convert import ConvertOptions, convert_set
     from civil_rgbd.importers.registry import open_rendered_set
     from civil_rgbd.importers.rendered_set import ImportOptions
 
     bridge_id = bridge_id or source.resolve().name
     require_free_id(dataset, bridge_id)
-    info = bridge_info_from_toml(bridge_info, bridge_id) if bridge_info else BridgeInfo(bridge_id)
-    info = replace(info, licence=licence) if licence else info
+    info = read_bridge_info(bridge_info, licence=licence, otherwise=BridgeInfo(bridge_id))
     options = ImportOptions(**import_options)  # type: ignore[arg-type]  # click hands them over by name
     opened = open_rendered_set(source, importer, options)
     with frame_bar(bridge_id) as on_progress:
