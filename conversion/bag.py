@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from civil_rgbd.conversion.bag_container import walk
+from civil_rgbd.conversion.bag_index import read_index
 from civil_rgbd.conversion.bag_payloads import BagPayloads
 from civil_rgbd.conversion.bag_records import MAGIC
 from civil_rgbd.conversion.container import Container
@@ -86,5 +87,6 @@ BAG: Final = Container(
     walk=walk,
     payloads=BagPayloads,
     recompress="compress it anew where ROS 1 is installed: `rosbag compress --lz4 scan.bag`",
+    index=read_index,
 )
 """The only version of ROS 1's bags that is in use since 2010."""

@@ -1,34 +1,35 @@
 """The records of a ROS 1 bag, walked once from front to back: indexed, unindexed, or damaged.
 
-The index at a bag's end is not needed: chunks tell what they hold. It is asked only for the
-definitions of connections that lay in what was lost.
+The index at a bag's end is not needed: chunks tell what they hold. It is asked for the definitions
+of connections that lay in what was lost, and compared with what was read.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO, Final
 
+from civil_rgbd.conversion.bag_index import counts_claimed
 from civil_rgbd.conversion.bag_records import (
     BAG_HEADER,
     CHUNK,
     CHUNK_HEAD,
     CHUNK_HEAD_BYTES,
     CONNECTION,
-    LENGTH,
     MAGIC,
     MESSAGE,
     MESSAGE_HEAD_BYTES,
-    OPERATIONS,
     BagError,
     Head,
+    Read,
     fields_of,
+    head_at,
     is_unclosed,
     message_head,
     records_of,
     time_ns,
+    within,
 )
 from civil_rgbd.conversion.compression import ChunkError, UnknownCompressionError
 from civil_rgbd.conversion.container import (
@@ -39,12 +40,8 @@ from civil_rgbd.conversion.container import (
 )
 
 _BUFFER_BYTES: Final = 1 << 14  # small messages lie close together, large ones are stepped over
-_LARGEST_HEADER: Final = 1 << 16
 _SCAN_BYTES: Final = 1 << 20
 _START_BYTES: Final = 4096  # holds most small messages, and the header of every large one
-
-Read = Callable[[int, int], bytes | memoryview]
-"""Returns bytes from a position on, fewer at the end."""
 
 
 def walk(path: Path, sink_for: SinkFor, size_bytes: int, base: int = 0) -> Extent:
@@ -66,13 +63,6 @@ def walk(path: Path, sink_for: SinkFor, size_bytes: int, base: int = 0) -> Exten
         return _Walk(file, sink_for, size_bytes, base).run()
 
 
-def _within(content: bytes | memoryview, base: int) -> Read:
-    def read(at: int, length: int) -> bytes | memoryview:
-        return content[at - base : at - base + length]
-
-    return read
-
-
 class _Walk:
     def __init__(self, file: BinaryIO, sink_for: SinkFor, size_bytes: int, base: int) -> None:
         self._file, self._sink_for = file, sink_for
@@ -82,6 +72,7 @@ class _Walk:
         self._index_at = self._chunks_claimed = self._chunks_seen = 0
         self._chunk_end = 0  # of the uncompressed chunk that the walk is in
         self._cut_chunk = False
+        self._counts: dict[int, int] = {}  # messages of each connection
 
     def run(self) -> Extent:
         at: int | None = len(MAGIC)
@@ -103,12 +94,12 @@ class _Walk:
             after = offset + message[2]
             if after <= (self._chunk_end if at < self._chunk_end else self._size):
                 if after <= at + _START_BYTES:
-                    self._message(message, _within(start, at), offset, NO_CHUNK)
+                    self._message(message, within(start, at), offset, NO_CHUNK)
                 else:
                     self._message(message, self._read, offset, NO_CHUNK)
                 return after
         try:
-            head = self._head(self._read, at, self._size)
+            head = head_at(self._read, at, self._size)
             if head.operation == CHUNK:
                 return self._chunk(at, head)
             if head.data + head.length > self._size:
@@ -117,23 +108,6 @@ class _Walk:
         except (BagError, struct.error) as error:
             return self._lost(at, f"has no record where one begins ({error})")
         return head.data + head.length
-
-    def _head(self, read: Read, at: int, end: int) -> Head:
-        start = read(at, LENGTH.size)
-        if len(start) < LENGTH.size:
-            raise BagError("it ends there")
-        (header_bytes,) = LENGTH.unpack(start)
-        if not 0 < header_bytes <= _LARGEST_HEADER:
-            raise BagError(f"a header of {header_bytes} bytes is claimed")
-        header = read(at + LENGTH.size, header_bytes + LENGTH.size)
-        if len(header) < header_bytes + LENGTH.size or at + header_bytes > end:
-            raise BagError("it ends inside a header")
-        fields = fields_of(header[:header_bytes])
-        operation = fields.get("op", b"")
-        if len(operation) != 1 or operation[0] not in OPERATIONS:
-            raise BagError("a header names no operation that is known")
-        (length,) = LENGTH.unpack(header[header_bytes:])
-        return Head(operation[0], fields, at + 2 * LENGTH.size + header_bytes, length)
 
     def _other(self, head: Head, read: Read) -> None:
         """Take a record that is neither chunk nor an ordinary message."""
@@ -172,7 +146,7 @@ class _Walk:
         return after
 
     def _records_in_chunk(self, start: int, records: memoryview) -> bool:
-        read, at, end = _within(records, 0), 0, len(records)
+        read, at, end = within(records, 0), 0, len(records)
         while at < end:
             message = message_head(records[at : at + MESSAGE_HEAD_BYTES])
             if message is not None and at + MESSAGE_HEAD_BYTES + message[2] <= end:
@@ -180,7 +154,7 @@ class _Walk:
                 at += MESSAGE_HEAD_BYTES + message[2]
                 continue
             try:
-                head = self._head(read, at, end)
+                head = head_at(read, at, end)
                 if head.data + head.length > end:
                     return False
                 if head.operation == MESSAGE:
@@ -198,6 +172,7 @@ class _Walk:
     ) -> None:
         connection, log_time_ns, length = message
         self._extent.count(log_time_ns)
+        self._counts[connection] = self._counts.get(connection, 0) + 1
         if connection not in self._sinks:  # its definition lay in what was lost
             self._define_from_index(connection)
         sink = self._sinks[connection]
@@ -225,7 +200,7 @@ class _Walk:
         at = self._index_at
         try:
             while 0 < at < self._size:
-                head = self._head(self._read, at, self._size)
+                head = head_at(self._read, at, self._size)
                 if head.operation != CONNECTION or head.data + head.length > self._size:
                     break
                 self._define(head, self._read(head.data, head.length))
@@ -280,4 +255,19 @@ class _Walk:
                 "the bag has no index, as its recorder did not close it; it was read from front to "
                 "back"
             )
+        elif not extent.damage:
+            self._compare_with_the_index()
         extent.whole = not extent.damage
+
+    def _compare_with_the_index(self) -> None:
+        claimed = counts_claimed(self._file, self._index_at, self._size)
+        if claimed is None:
+            return  # it is cut: the walk has met that and remarked it
+        wrong = sum(
+            self._counts.get(key, 0) != claimed.get(key, 0) for key in self._counts | claimed
+        )
+        if wrong:
+            self._extent.remarks.append(
+                f"the bag's index counts {sum(claimed.values())} messages, {self._extent.messages} "
+                f"are there ({wrong} connections differ); all that are there were read"
+            )

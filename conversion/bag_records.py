@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -36,12 +37,18 @@ _MESSAGE_HEAD: Final = re.compile(
 _MESSAGE_NUMBERS: Final = struct.Struct("<IIII")
 _TIME: Final = struct.Struct("<II")
 
+_LARGEST_HEADER: Final = 1 << 16
+
 _CHUNK_FIELD: Final = rb"(?:\x04\0\0\0op=\x05|.\0\0\0compression=[a-z0-9]{1,8}|\x09\0\0\0size=.{4})"
 CHUNK_HEAD: Final = re.compile(rb".\0\0\0" + _CHUNK_FIELD + rb"{3}", re.DOTALL)
 """How every chunk record begins: what to look for behind a hole."""
 
 CHUNK_HEAD_BYTES: Final = 64
 """No chunk record's header is longer."""
+
+
+Read = Callable[[int, int], bytes | memoryview]
+"""Returns bytes from a position on, fewer at the end."""
 
 
 class BagError(ValueError):
@@ -78,6 +85,43 @@ class Head:
     def text(self, name: str) -> str:
         """Return a text field; empty when there is none."""
         return self.fields.get(name, b"").decode("utf-8", errors="replace")
+
+
+def within(content: bytes | memoryview, base: int = 0) -> Read:
+    """Return what reads from bytes that begin at position ``base``."""
+
+    def read(at: int, length: int) -> bytes | memoryview:
+        return content[at - base : at - base + length]
+
+    return read
+
+
+def head_at(read: Read, at: int, end: int) -> Head:
+    """Return the header of the record at a position.
+
+    Args:
+        read: gives the bytes.
+        at: where the record begins.
+        end: its header may not reach further.
+
+    Raises:
+        BagError: there is no record.
+    """
+    start = read(at, LENGTH.size)
+    if len(start) < LENGTH.size:
+        raise BagError("it ends there")
+    (header_bytes,) = LENGTH.unpack(start)
+    if not 0 < header_bytes <= _LARGEST_HEADER:
+        raise BagError(f"a header of {header_bytes} bytes is claimed")
+    header = read(at + LENGTH.size, header_bytes + LENGTH.size)
+    if len(header) < header_bytes + LENGTH.size or at + header_bytes > end:
+        raise BagError("it ends inside a header")
+    fields = fields_of(header[:header_bytes])
+    operation = fields.get("op", b"")
+    if len(operation) != 1 or operation[0] not in OPERATIONS:
+        raise BagError("a header names no operation that is known")
+    (length,) = LENGTH.unpack(header[header_bytes:])
+    return Head(operation[0], fields, at + 2 * LENGTH.size + header_bytes, length)
 
 
 def message_head(start: bytes | memoryview) -> tuple[int, int, int] | None:

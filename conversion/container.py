@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 NO_CHUNK: Final = -1
 """In place of a chunk's start, for messages that lie outside of compressed chunks."""
 
@@ -82,6 +85,27 @@ class Extent:
         self.simulated |= other.simulated
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class IndexedTopic:
+    """One channel as a file's own index has it.
+
+    Attributes:
+        topic: its name.
+        type_name: as the file says it.
+        encoding: of its messages.
+        log_times_ns: (M,) int64, ascending.
+    """
+
+    topic: str
+    type_name: str
+    encoding: str
+    log_times_ns: NDArray[np.int64]
+
+
+def no_index(_path: Path) -> None:
+    """Say that a kind of file has no index to go by."""
+
+
 class FilePayloads(Protocol):
     """Fetches single messages of one file; can be pickled."""
 
@@ -108,6 +132,8 @@ class Container:
             given path, sinks, the file's length, and the base from which its places count.
         payloads: given path and length, fetches messages by places that count from 0.
         recompress: what to do about a compression that is not known.
+        index: reads the index of a file, no message; None where there is none that accounts for
+            the whole file.
     """
 
     name: str
@@ -115,3 +141,4 @@ class Container:
     walk: Callable[[Path, SinkFor, int, int], Extent]
     payloads: Callable[[Path, int], FilePayloads]
     recompress: str
+    index: Callable[[Path], tuple[IndexedTopic, ...] | None] = no_index

@@ -6,7 +6,7 @@ import bz2
 import struct
 from collections.abc import Iterable, Sequence
 from functools import cache, partial
-from itertools import groupby
+from itertools import chain, groupby
 from pathlib import Path
 
 import lz4.frame
@@ -132,10 +132,11 @@ def bag_by_hand(
     numbers: dict[tuple[str, str], int] = {}
     connections = b""
     chunks = b""
-    starts = []
+    starts, held = [], []
     groups = [list(g) for _, g in groupby(enumerate(messages), lambda item: item[0] // per_chunk)]
     for at, group in enumerate(groups):
         inside = b""
+        entries: dict[int, list[bytes]] = {}
         for _, message in group:
             key = message.topic, message.type_name.replace("/msg/", "/")
             if key not in numbers:
@@ -150,6 +151,8 @@ def bag_by_hand(
                 "time": struct.pack("<II", seconds, nanoseconds),
             }
             fields = [(name, values[name]) for name in order]
+            entry = values["time"] + struct.pack("<I", len(inside))
+            entries.setdefault(numbers[key], []).append(entry)
             inside += record([*fields, *more_fields], as_ros1(message))
         starts.append(len(chunks))
         is_open = last_chunk_open and at == len(groups) - 1
@@ -162,7 +165,8 @@ def bag_by_hand(
             ],
             b"" if is_open else stored,
         )
-        chunks += chunk + (stored if is_open else _no_index(len(group)))
+        held.append(entries)
+        chunks += chunk + (stored if is_open else _index_of(entries))
     index_at = len(b"#ROSBAG V2.0\n") + 4096 + len(chunks) if index else 0
     start = record(
         [
@@ -180,15 +184,15 @@ def bag_by_hand(
         record(
             [
                 ("chunk_pos", struct.pack("<Q", 13 + 4096 + at)),
-                ("count", struct.pack("<I", 0)),
-                ("end_time", bytes(8)),
+                ("count", struct.pack("<I", len(entries))),
+                ("end_time", max(chain(*entries.values()), key=_time)[:8]),
                 ("op", b"\x06"),
-                ("start_time", bytes(8)),
+                ("start_time", min(chain(*entries.values()), key=_time)[:8]),
                 ("ver", struct.pack("<I", 1)),
             ],
-            b"",
+            b"".join(struct.pack("<II", key, len(rows)) for key, rows in entries.items()),
         )
-        for at in starts
+        for at, entries in zip(starts, held, strict=True)
     )
     return start + chunks + (connections + infos if index else b"")
 
@@ -213,13 +217,21 @@ def _connection(number: int, topic: str, type_name: str) -> bytes:
     return record(fields, description)
 
 
-def _no_index(count: int) -> bytes:
-    return record(
-        [
-            ("conn", bytes(4)),
-            ("count", struct.pack("<I", count)),
-            ("op", b"\x04"),
-            ("ver", struct.pack("<I", 1)),
-        ],
-        bytes(12 * count),
+def _index_of(entries: dict[int, list[bytes]]) -> bytes:
+    """The records behind a chunk: time and offset of each message."""
+    return b"".join(
+        record(
+            [
+                ("conn", struct.pack("<I", key)),
+                ("count", struct.pack("<I", len(rows))),
+                ("op", b"\x04"),
+                ("ver", struct.pack("<I", 1)),
+            ],
+            b"".join(rows),
+        )
+        for key, rows in entries.items()
     )
+
+
+def _time(entry: bytes) -> tuple[int, ...]:
+    return struct.unpack_from("<II", entry)
