@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import os
+import platform
+import random
+import secrets
 import shutil
 import time
 from collections.abc import Iterator
@@ -14,6 +17,7 @@ from typing import Final
 from civil_rgbd.errors import OutputError
 
 _POLL_S: Final = 0.05
+_SHARERS: Final = 4096  # on Windows
 _LOCKED_BYTE: Final = 1 << 30  # beyond the holder's note: Windows forbids reading a locked byte
 _held: set[tuple[int, str]] = set()  # (process, lock file): POSIX locks do not bar their own holder
 
@@ -49,7 +53,8 @@ def whole_file(path: Path, *, sync: bool = True) -> Iterator[Path]:
     Raises:
         OutputError: the system refuses to write.
     """
-    scratch = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    # Not the process id: two containers that write to one file system may both be process 1.
+    scratch = path.with_name(f".{path.name}.{secrets.randbelow(10**12)}.partial")
     with writing(path):
         try:
             yield scratch
@@ -150,8 +155,8 @@ def publish_folder(partial: Path, destination: Path, *, replace: bool) -> None:
 
 
 @contextmanager
-def folder_lock(path: Path, *, wait_s: float = 0.0) -> Iterator[None]:
-    """Hold the only right to write a folder.
+def folder_lock(path: Path, *, wait_s: float = 0.0, shared: bool = False) -> Iterator[None]:
+    """Hold the only right to write a folder, or one right of many.
 
     The lock file ``.<name>.lock`` lies beside the folder, so that the folder can be renamed, and
     goes with the lock. Workers that the holder forked do not hold it.
@@ -159,6 +164,8 @@ def folder_lock(path: Path, *, wait_s: float = 0.0) -> Iterator[None]:
     Args:
         path: the folder; it need not exist, its parent is made.
         wait_s: how long to wait for another holder.
+        shared: hold it together with other sharers, who keep out of each other's files; nobody
+            holds it alone meanwhile.
 
     Raises:
         OutputError: another process holds it, or the system refuses to write.
@@ -170,7 +177,7 @@ def folder_lock(path: Path, *, wait_s: float = 0.0) -> Iterator[None]:
     deadline = time.monotonic() + wait_s
     handle = None
     while handle is None:
-        handle = None if key in _held else _try(lock_file)
+        handle = None if key in _held else _try(lock_file, shared=shared)
         if handle is None:
             if time.monotonic() >= deadline:
                 raise OutputError(
@@ -182,18 +189,20 @@ def folder_lock(path: Path, *, wait_s: float = 0.0) -> Iterator[None]:
         yield
     finally:
         _held.discard(key)
-        _release(handle, lock_file)
+        _release(handle, lock_file, shared=shared)
 
 
 def _fix(lock_file: Path) -> str:
     return f"wait for it to finish or end it; {lock_file.name} goes when its holder does"
 
 
-def _try(lock_file: Path) -> int | None:
+def _try(lock_file: Path, *, shared: bool) -> int | None:
     with writing(lock_file):
+        # The last build that ends takes the folder away, perhaps since we made it.
+        lock_file.parent.mkdir(parents=True, exist_ok=True)
         handle = os.open(lock_file, os.O_RDWR | os.O_CREAT, 0o644)
     try:
-        _lock(handle)
+        _lock(handle, shared=shared)
     except OSError:
         os.close(handle)
         return None
@@ -202,7 +211,8 @@ def _try(lock_file: Path) -> int | None:
         return None
     with contextlib.suppress(OSError):  # the note is a courtesy; a full disk must not stop us here
         os.ftruncate(handle, 0)
-        os.write(handle, f"process {os.getpid()}".encode())
+        note = f"process {os.getpid()} on {platform.node()}"
+        os.write(handle, (f"one of several parts, {note}," if shared else note).encode())
     return handle
 
 
@@ -215,7 +225,13 @@ def _is_still(handle: int, lock_file: Path) -> bool:
     return (here.st_dev, here.st_ino) == (there.st_dev, there.st_ino)
 
 
-def _release(handle: int, lock_file: Path) -> None:
+def _release(handle: int, lock_file: Path, *, shared: bool) -> None:
+    if shared:
+        try:
+            _lock(handle, shared=False)
+        except OSError:
+            os.close(handle)  # others share it: the last one deletes the file
+            return
     if os.name != "nt":
         # Deleted while still held: whoever opened it meanwhile sees that it is no longer there.
         with contextlib.suppress(OSError):
@@ -238,14 +254,18 @@ def _holder(lock_file: Path, key: tuple[int, str]) -> str:
 if os.name == "nt":
     import msvcrt  # only there on Windows
 
-    def _lock(handle: int) -> None:
-        os.lseek(handle, _LOCKED_BYTE, os.SEEK_SET)
-        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]  # Windows only
+    def _lock(handle: int, *, shared: bool) -> None:
+        # There is no shared lock: a sharer takes one byte of many, who wants it alone all of them.
+        at, length = _LOCKED_BYTE, _SHARERS
+        if shared:
+            at, length = at + random.randrange(_SHARERS), 1  # noqa: S311  # no secret
+        os.lseek(handle, at, os.SEEK_SET)
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, length)  # type: ignore[attr-defined,unused-ignore]  # Windows only
         os.lseek(handle, 0, os.SEEK_SET)
 
 else:
     import fcntl
 
-    def _lock(handle: int) -> None:
+    def _lock(handle: int, *, shared: bool) -> None:
         # Not flock: that one survives in forked workers after their parent was killed.
-        fcntl.lockf(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.lockf(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)

@@ -220,7 +220,7 @@ def test_a_lock_file_that_was_just_deleted_is_no_lock(
     lock_now = atomic._lock
     deletions = iter([True])
 
-    def delete_then_lock(handle: int) -> None:
+    def delete_then_lock(handle: int, *, shared: bool) -> None:
         if next(deletions, False):
             (tmp_path / ".B1.lock").unlink()
         lock_now(handle)
@@ -253,7 +253,9 @@ def test_a_lock_leaves_nothing_behind(tmp_path: Path) -> None:
 def test_another_process_is_named_and_waited_for(tmp_path: Path) -> None:
     process, _ = holder(HOLD, tmp_path / "B1")
     try:
-        with pytest.raises(OutputError, match=f"process {process.pid} is writing here") as caught:
+        with pytest.raises(
+            OutputError, match=rf"process {process.pid} on \S+ is writing here"
+        ) as caught:
             hold(tmp_path / "B1")
         assert "wait for it to finish" in caught.value.fix
         started = time.monotonic()
@@ -284,3 +286,35 @@ def test_workers_that_outlive_a_killed_holder_hold_nothing(tmp_path: Path) -> No
         os.kill(int(child), signal.SIGKILL)
         assert process.stdout is not None
         process.stdout.close()
+
+
+def test_sharers_hold_a_folder_together_and_nobody_holds_it_alone_meanwhile(tmp_path: Path) -> None:
+    sharing = HOLD.replace("sys.argv[1])", "sys.argv[1]), shared=True")
+    first, _ = holder(sharing, tmp_path / "B1")
+    second, said = holder(sharing, tmp_path / "B1")
+    try:
+        assert said == "held"
+        with pytest.raises(OutputError, match="one of several parts, process") as caught:
+            hold(tmp_path / "B1")
+        assert "wait for it to finish" in caught.value.fix
+        with folder_lock(tmp_path / "B1", shared=True):
+            end(first)
+        with pytest.raises(OutputError, match="is writing here"):
+            hold(tmp_path / "B1")
+    finally:
+        end(first)
+        end(second)
+    hold(tmp_path / "B1")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_sharer_waits_for_who_holds_it_alone(tmp_path: Path) -> None:
+    process, _ = holder(HOLD, tmp_path / "B1")
+    try:
+        with (
+            pytest.raises(OutputError, match="is writing here"),
+            folder_lock(tmp_path / "B1", shared=True),
+        ):
+            pass
+    finally:
+        end(process)
