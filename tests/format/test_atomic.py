@@ -223,7 +223,7 @@ def test_a_lock_file_that_was_just_deleted_is_no_lock(
     def delete_then_lock(handle: int, *, shared: bool) -> None:
         if next(deletions, False):
             (tmp_path / ".B1.lock").unlink()
-        lock_now(handle)
+        lock_now(handle, shared=shared)
 
     monkeypatch.setattr(atomic, "_lock", delete_then_lock)
     with folder_lock(tmp_path / "B1", wait_s=1.0):
