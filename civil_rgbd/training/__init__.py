@@ -1,0 +1,1 @@
+"""Trains depth models, in plain torch; needs the extra ``train``."""
