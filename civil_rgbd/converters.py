@@ -8,7 +8,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import cast
 
-from civil_rgbd.domain.inspection import RecordingSummary
+from civil_rgbd.domain.inspection import RecordingSummary, TopicListing
 from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.recording import Recording, RecordingOptions
 from civil_rgbd.errors import RecordingError, UsageError
@@ -21,7 +21,7 @@ Its name is the file suffix that it opens (``mcap`` for ``scan.mcap``), or the w
 of a location that is no file (``simulated:demo``). A folder goes to the converter that has the name
 of a file inside (``metadata.yaml``), else to the one that opens the files inside. A module with
 ``open_motion`` beside it gives LiDAR and IMU to odometry as well, one with ``inspect_recording``
-says what a recording lacks.
+says what a recording lacks, and ``list_topics`` lists its topics without reading messages.
 """
 
 
@@ -106,6 +106,28 @@ def inspect_recording(
             fix="start the build: it says what is missing",
         )
     return cast("RecordingSummary", inspector(given, options or RecordingOptions()))
+
+
+def list_topics(location: str | Path, options: RecordingOptions | None = None) -> TopicListing:
+    """List the topics of a raw recording, from its own index where that holds.
+
+    Args:
+        location: path of a recording.
+        options: further files of a recording that was split.
+
+    Raises:
+        UsageError: no converter goes by that suffix or name, or its recordings have no topics.
+        RecordingError: the recording cannot be read at all.
+    """
+    point, given = _converter_of(location)
+    lister = getattr(import_module(point.module), "list_topics", None)
+    if lister is None:
+        raise UsageError(
+            f"recordings that the converter {point.name!r} reads have no topics to list",
+            where=location,
+            fix="leave --topics out: the whole inspection says what there is",
+        )
+    return cast("TopicListing", lister(given, options or RecordingOptions()))
 
 
 def _converter_of(location: str | Path) -> tuple[EntryPoint, str | Path]:

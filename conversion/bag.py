@@ -17,7 +17,8 @@ from civil_rgbd.conversion.ros_files import (
     open_files,
     open_files_for_motion,
 )
-from civil_rgbd.domain.inspection import RecordingSummary
+from civil_rgbd.conversion.topic_listing import list_files
+from civil_rgbd.domain.inspection import RecordingSummary, TopicListing
 from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.recording import Recording, RecordingOptions
 from civil_rgbd.errors import RecordingError
@@ -56,6 +57,11 @@ def inspect_recording(
     """Say what a bag holds, whether a build can use it or not; errors as of a missing file."""
     options = options or RecordingOptions()
     return inspect_files(files_of(BAG, location, options), options)
+
+
+def list_topics(location: str | Path, options: RecordingOptions | None = None) -> TopicListing:
+    """List the topics, by the index where it holds; errors as of a missing file."""
+    return list_files(files_of(BAG, location, options or RecordingOptions()))
 
 
 def _refuse(path: Path, start: bytes) -> None:

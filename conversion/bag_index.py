@@ -95,7 +95,7 @@ class _Index:
         self._refuse_unless(len(self._chunks) == self._chunks_claimed)
         self._chunks.sort(key=lambda chunk: chunk[0])
         places = [place for place, _ in self._chunks] + [index_at]
-        self._refuse_unless(places[0] == start)
+        self._refuse_unless(places[0] == start and places == sorted(places))
         for (place, counts), after in zip(self._chunks, places[1:], strict=True):
             self._chunk(place, counts, after)
         return tuple(

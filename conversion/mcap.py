@@ -7,6 +7,7 @@ from typing import Final
 
 from civil_rgbd.conversion.container import Container, Extent, SinkFor
 from civil_rgbd.conversion.mcap_container import MAGIC, walk
+from civil_rgbd.conversion.mcap_index import read_index
 from civil_rgbd.conversion.mcap_payloads import McapPayloads
 from civil_rgbd.conversion.ros_files import (
     files_of,
@@ -14,7 +15,8 @@ from civil_rgbd.conversion.ros_files import (
     open_files,
     open_files_for_motion,
 )
-from civil_rgbd.domain.inspection import RecordingSummary
+from civil_rgbd.conversion.topic_listing import list_files
+from civil_rgbd.domain.inspection import RecordingSummary, TopicListing
 from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.recording import Recording, RecordingOptions
 from civil_rgbd.errors import RecordingError
@@ -60,6 +62,11 @@ def inspect_recording(
     return inspect_files(files_of(MCAP, location, options), options)
 
 
+def list_topics(location: str | Path, options: RecordingOptions | None = None) -> TopicListing:
+    """List the topics, by the index where it holds; errors as of a missing file."""
+    return list_files(files_of(MCAP, location, options or RecordingOptions()))
+
+
 def _refuse(path: Path, start: bytes) -> None:
     if not start.startswith(MAGIC):
         raise RecordingError(
@@ -79,5 +86,6 @@ MCAP: Final = Container(
     walk=_walk,
     payloads=McapPayloads,
     recompress="compress it anew: `mcap convert --compression zstd`",
+    index=read_index,
 )
 """MCAP, alone or as the storage of a ROS 2 folder."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -92,6 +93,21 @@ def records_of(chunk: ChunkRecord) -> memoryview:
     if chunk.crc and zlib.crc32(records) != chunk.crc:
         raise ChunkError("its checksum does not hold")
     return records
+
+
+def strings_in(record: memoryview, at: int, count: int = 1) -> Iterator[str]:
+    """Yield strings of a record, each behind its length, from a position on.
+
+    Raises:
+        ValueError: one reaches over the record's end.
+        struct.error: the record ends before.
+    """
+    for _ in range(count):
+        (length,) = struct.unpack_from("<I", record, at)
+        if at + 4 + length > len(record):
+            raise ValueError("a string reaches over the record's end")
+        yield bytes(record[at + 4 : at + 4 + length]).decode("utf-8", errors="replace")
+        at += 4 + length
 
 
 _DECOMPRESSORS: Final = {"zstd": zstd_records, "lz4": lz4_records, "": plain_records}

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import struct
-from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, Final
 
 from civil_rgbd.conversion.compression import ChunkError, UnknownCompressionError, message_of
 from civil_rgbd.conversion.container import HEAD_BYTES, NO_CHUNK, Extent, Sink, SinkFor
-from civil_rgbd.conversion.mcap_chunks import parse_chunk, records_of
+from civil_rgbd.conversion.mcap_chunks import parse_chunk, records_of, strings_in
 from civil_rgbd.conversion.mcap_summary import Summary, read_summary
 
 MAGIC: Final = b"\x89MCAP0\r\n"
@@ -96,9 +95,9 @@ class _Walk:
     def _metadata(self, record: memoryview) -> None:
         with contextlib.suppress(struct.error, ValueError):  # no message depends on it
             (name_length,) = struct.unpack_from("<I", record)
-            (name,) = _strings(record, 0)
+            (name,) = strings_in(record, 0)
             # After the name a map: its length in bytes, then keys and values.
-            key, value = _strings(record, 8 + name_length, 2)
+            key, value = strings_in(record, 8 + name_length, 2)
             self._extent.simulated |= (name, key, value) == ("civil_rgbd", "origin", "simulated")
 
     def _note(self, at: int, what: str) -> None:
@@ -196,10 +195,10 @@ class _Walk:
         try:
             if opcode == SCHEMA:
                 (number,) = struct.unpack_from("<H", record)
-                self._schemas.setdefault(number, next(_strings(record, 2)))
+                self._schemas.setdefault(number, next(strings_in(record, 2)))
                 return
             number, schema = struct.unpack_from("<HH", record)
-            topic, encoding, *_ = _strings(record, 4, 2)
+            topic, encoding, *_ = strings_in(record, 4, 2)
         except (struct.error, StopIteration, ValueError):
             self._extent.damage.append("a schema or channel record is shorter than it claims")
             return
@@ -210,12 +209,3 @@ class _Walk:
         if self._summary is None:
             self._summary = read_summary(self._file, self._size)
         return self._summary
-
-
-def _strings(record: memoryview, at: int, count: int = 1) -> Iterator[str]:
-    for _ in range(count):
-        (length,) = struct.unpack_from("<I", record, at)
-        if at + 4 + length > len(record):
-            raise ValueError("a string reaches over the record's end")
-        yield bytes(record[at + 4 : at + 4 + length]).decode("utf-8", errors="replace")
-        at += 4 + length

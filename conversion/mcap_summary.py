@@ -1,4 +1,4 @@
-"""The summary at the end of an MCAP file: asked only when the walk over the records fails."""
+"""The summary at the end of an MCAP file: listed from, and asked where a walk fails."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import BinaryIO, Final
 _RECORD: Final = struct.Struct("<BQ")
 _FOOTER_BYTES: Final = 9 + 20 + 8  # record head, content, closing magic
 _LARGEST_SUMMARY_BYTES: Final = 1 << 28
-_SCHEMA, _CHANNEL, _CHUNK_INDEX = 0x03, 0x04, 0x08
+_SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS = 0x03, 0x04, 0x08, 0x0B
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,11 +20,15 @@ class Summary:
         chunk_starts: byte at which each chunk record starts, ascending.
         schemas: content of the schema records.
         channels: content of the channel records.
+        chunk_indexes: content of the chunk index records.
+        statistics: content of the statistics record, where there is one.
     """
 
     chunk_starts: tuple[int, ...] = ()
     schemas: tuple[memoryview, ...] = ()
     channels: tuple[memoryview, ...] = ()
+    chunk_indexes: tuple[memoryview, ...] = ()
+    statistics: memoryview | None = None
 
 
 def read_summary(file: BinaryIO, size_bytes: int) -> Summary:
@@ -49,7 +53,9 @@ def read_summary(file: BinaryIO, size_bytes: int) -> Summary:
 
 
 def _parse(section: memoryview) -> Summary:
-    found: dict[int, list[memoryview]] = {_SCHEMA: [], _CHANNEL: [], _CHUNK_INDEX: []}
+    found: dict[int, list[memoryview]] = {
+        opcode: [] for opcode in (_SCHEMA, _CHANNEL, _CHUNK_INDEX, _STATISTICS)
+    }
     at = 0
     while at + _RECORD.size <= len(section):
         opcode, length = _RECORD.unpack_from(section, at)
@@ -62,4 +68,10 @@ def _parse(section: memoryview) -> Summary:
         for record in found[_CHUNK_INDEX]
         if len(record) >= 24
     )
-    return Summary(tuple(sorted(starts)), tuple(found[_SCHEMA]), tuple(found[_CHANNEL]))
+    return Summary(
+        tuple(sorted(starts)),
+        tuple(found[_SCHEMA]),
+        tuple(found[_CHANNEL]),
+        tuple(found[_CHUNK_INDEX]),
+        found[_STATISTICS][0] if found[_STATISTICS] else None,
+    )

@@ -21,7 +21,8 @@ from civil_rgbd.conversion.ros_files import (
     open_files_for_motion,
 )
 from civil_rgbd.conversion.several_files import unreadable
-from civil_rgbd.domain.inspection import RecordingSummary
+from civil_rgbd.conversion.topic_listing import list_files
+from civil_rgbd.domain.inspection import RecordingSummary, TopicListing
 from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.recording import Recording, RecordingOptions
 from civil_rgbd.errors import RecordingError
@@ -63,6 +64,11 @@ def inspect_recording(
     """Say what a folder holds, whether a build can use it or not; errors as of a missing file."""
     options = options or RecordingOptions()
     return inspect_files(_files(location, options), options)
+
+
+def list_topics(location: str | Path, options: RecordingOptions | None = None) -> TopicListing:
+    """List the topics, by the index of its files where they have one."""
+    return list_files(_files(location, options or RecordingOptions()))
 
 
 @dataclass(frozen=True, slots=True)

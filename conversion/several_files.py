@@ -23,7 +23,8 @@ from civil_rgbd.errors import RecordingError, UsageError
 
 _SAID_AT_MOST: Final = 5
 _OPEN_FILES: Final = 2  # scans and images of one instant lie at most across one border
-_START_BYTES: Final = 512  # a bag names its encryption in its first record
+START_BYTES: Final = 512
+"""Enough to tell a kind of file: a bag names its encryption in its first record."""
 
 
 class JoinedPayloads:
@@ -198,7 +199,7 @@ def _walk_file(
     base: int,
     sha256_of: Callable[[Path], str],
 ) -> tuple[Extent, FilePayloads, SourceFile]:
-    size_bytes = _size_of(path)
+    size_bytes = size_of(path)
     payloads: FilePayloads
     with ThreadPoolExecutor(max_workers=1) as beside:
         sha256 = beside.submit(sha256_of, path)
@@ -208,7 +209,7 @@ def _walk_file(
         else:
             plain, payloads = path, container.payloads(path.absolute(), size_bytes)
         with plain.open("rb") as file:
-            container.refuse(path, file.read(_START_BYTES))
+            container.refuse(path, file.read(START_BYTES))
         extent = container.walk(plain, sink_for, plain.stat().st_size, base)
     source = SourceFile(path.name, size_bytes, sha256.result(), container.name)
     return extent, payloads, source
@@ -236,7 +237,12 @@ def _refuse_twice(sources: Sequence[SourceFile], files: Sequence[Path]) -> None:
         first[source.sha256] = path
 
 
-def _size_of(path: Path) -> int:
+def size_of(path: Path) -> int:
+    """Return a file's length.
+
+    Raises:
+        RecordingError: it is not there, or a folder.
+    """
     if path.is_dir():
         raise RecordingError(
             "this is a folder where a file is needed",

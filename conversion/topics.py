@@ -69,6 +69,16 @@ def plain_type(name: str) -> str:
     return name.replace("/msg/", "/")
 
 
+def role_of(type_name: str) -> str:
+    """Return what a build takes messages of a plain type for; empty when no build reads them.
+
+    >>> role_of("sensor_msgs/PointCloud2"), role_of("std_msgs/String")
+    ('lidar', '')
+    """
+    role, _ = _GATHERERS.get(type_name, ("", Gathered))
+    return role if role != "origin" else ""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Topic:
     """One topic of interest.

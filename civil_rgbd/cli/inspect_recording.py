@@ -19,6 +19,12 @@ if TYPE_CHECKING:
 @click.command("inspect-recording")
 @click.argument("sources", metavar="SOURCE", nargs=-1, required=True)
 @options_of_recording
+@click.option(
+    "--topics",
+    "only_topics",
+    is_flag=True,
+    help="Only list the topics: at once, from the recording's own index where it has one.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print everything, for machines.")
 @click.pass_context
 def command(
@@ -27,6 +33,7 @@ def command(
     sources: tuple[str, ...],
     *,
     rig_path: Path | None,
+    only_topics: bool,
     as_json: bool,
     **recording_options: object,
 ) -> None:
@@ -45,10 +52,21 @@ def command(
     rig = read_rig(rig_path) if rig_path else RigFile()
     options = RecordingOptions(rig=rig, **read_beside(recording_options))
     options = replace(options, more_files=tuple(map(Path, sources[1:])))
+    if only_topics:
+        context.exit(_list_topics(sources[0], options, as_json=as_json))
     summary = _summary(sources[0], options)
     report = InspectionReport(summary, findings_of(summary, options))
     print(json.dumps(report.to_document(), indent=2) if as_json else report.to_text())
     context.exit(1 if report.errors else 0)
+
+
+def _list_topics(source: str, options: RecordingOptions, *, as_json: bool) -> int:
+    from civil_rgbd.converters import list_topics
+    from civil_rgbd.health.listing_report import listing_document, listing_text
+
+    listing = list_topics(source, options)
+    print(json.dumps(listing_document(listing), indent=2) if as_json else listing_text(listing))
+    return 1 if listing.damage else 0
 
 
 def _summary(source: str, options: RecordingOptions) -> RecordingSummary:

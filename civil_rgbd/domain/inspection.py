@@ -109,6 +109,7 @@ class TopicSummary:
         frames: frame ids of their headers, most frequent first.
         children: child frame ids of poses.
         fault: the first message that breaks its own layout, and how.
+        unstamped: why its messages have no stamps, where these come from a list beside them.
         cloud: for point clouds.
         image: for images.
         camera: for camera models.
@@ -125,9 +126,33 @@ class TopicSummary:
     frames: tuple[str, ...] = ()
     children: tuple[str, ...] = ()
     fault: str | None = None
+    unstamped: str | None = None
     cloud: CloudFacts | None = None
     image: ImageFacts | None = None
     camera: CameraFacts | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TopicListing:
+    """The topics of a recording, without a look into their messages.
+
+    Attributes:
+        name: file name without folders.
+        converter: the converter that looked.
+        size_bytes: of all its files.
+        topics: by name; only name, type, role, encoding, count and log times are known.
+        by_index: the recording's own index says so, and no message was read.
+        damage: what could not be read, in words; an index knows of none.
+        remarks: what is odd though nothing is lost.
+    """
+
+    name: str
+    converter: str
+    size_bytes: int
+    topics: tuple[TopicSummary, ...]
+    by_index: bool
+    damage: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +182,8 @@ class RecordingSummary:
         refusal: why ``open_recording`` refuses it with the same options; None when it opens.
         T_lidar_camera: (4, 4) as a build would use it; None when it cannot be opened.
         warnings: what ``open_recording`` remarks.
+        lidar_only: the source can hold no more than LiDARs and IMUs: camera, images and poses come
+            from files beside it, and its topics are those sensors.
     """
 
     name: str
@@ -172,6 +199,7 @@ class RecordingSummary:
     refusal: Refusal | None = None
     T_lidar_camera: NDArray[np.float64] | None = None
     warnings: tuple[str, ...] = field(default=())
+    lidar_only: bool = False
 
     def of_role(self, role: str) -> list[TopicSummary]:
         """Return the topics of one role that have messages."""
