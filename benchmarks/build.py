@@ -11,26 +11,21 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 import tempfile
 import time
 from pathlib import Path
-
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 
 from civil_rgbd.builder.recipes import load_recipe
 from civil_rgbd.builder.run import BuildOptions, build_bridge
 from civil_rgbd.converters import open_recording
 from civil_rgbd.domain.bridge import BridgeInfo
 from civil_rgbd.domain.recipe import Recipe
-from civil_rgbd.domain.recording import Recording
-from civil_rgbd.format.depth_exr import write_depth
-from civil_rgbd.format.hashes import bytes_sha256, pixel_sha256
-from civil_rgbd.format.images import decode_image, encode_image
-from civil_rgbd.format.reader import read_bridge
-from civil_rgbd.pipeline.image import ImageMaker
 from civil_rgbd.simulator.mcap_file import write_recording
 from civil_rgbd.simulator.spec import ScanSpec
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from codec_work import codec_seconds
 
 TARGET = 1.25
 
@@ -59,7 +54,7 @@ def main() -> None:
                 recording, recipe, folder / f"out{turn}", BridgeInfo("bench"), BuildOptions()
             )
             build_s.append(time.perf_counter() - started)
-            codec_s.append(_codec_seconds(recording, source, recipe, report.folder))
+            codec_s.append(codec_seconds(source, recipe.name, report.folder))
         frames = report.counts.frames_kept
         print(f"{frames} frames, recipe {recipe.name}, one core, best of {arguments.repeat}")
         print(f"opening (index, sha256)   {1e3 * (opened - started) / frames:8.2f} ms a frame")
@@ -79,38 +74,6 @@ def _warm_up(source: Path, recipe: Recipe, folder: Path) -> None:
     build_bridge(
         open_recording(source), recipe, folder / "warm", BridgeInfo("warm"), BuildOptions()
     )
-
-
-def _raw_images(source: Path) -> list[bytes]:
-    with source.open("rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        return [
-            bytes(image.data)
-            for schema, _, _, image in reader.iter_decoded_messages()
-            if schema is not None and schema.name.endswith("/CompressedImage")
-        ]
-
-
-def _codec_seconds(recording: Recording, source: Path, recipe: Recipe, built: Path) -> float:
-    bridge = read_bridge(built)
-    maker = ImageMaker(recording.rig.camera, recipe.image)
-    stage = recipe.image
-    raw_images = _raw_images(source)
-    total = 0.0
-    for row in bridge.rows:
-        depth_m = bridge.read_depth(row)  # not counted: the build has it in memory
-        started = time.perf_counter()
-        rgb = maker.make(decode_image(raw_images[row.source_index], where="benchmark"))
-        encoded = encode_image(
-            rgb, codec=stage.codec, quality=stage.quality, subsampling=stage.subsampling
-        )
-        stored = write_depth(built.parent / "depth.exr", depth_m, sync=False)
-        for hashed in (encoded, stored):
-            bytes_sha256(hashed)
-        pixel_sha256(decode_image(encoded, where="benchmark"))
-        pixel_sha256(depth_m)
-        total += time.perf_counter() - started
-    return total
 
 
 if __name__ == "__main__":
