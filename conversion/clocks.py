@@ -2,11 +2,43 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
+
 import numpy as np
 from numpy.typing import NDArray
 
 from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.errors import RecordingError
+
+
+def ascending(stamps_ns: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Return the indices of the longest run that ascends strictly, others left out.
+
+    A single stamp that is astray, in either direction, costs itself and no other.
+
+    Args:
+        stamps_ns: (M,) int64.
+
+    Returns:
+        (K,) ascending indices.
+
+    >>> ascending(np.array([1, 2, 99, 3, 4, 0, 5])).tolist()
+    [0, 1, 3, 4, 6]
+    """
+    count = len(stamps_ns)
+    if not (np.diff(stamps_ns) <= 0).any():
+        return np.arange(count)
+    ends: list[int] = []  # smallest stamp that a run of each length ends with
+    places: list[int] = []  # where it is
+    before = np.full(count, -1)
+    for at, stamp in enumerate(stamps_ns.tolist()):
+        length = bisect_left(ends, stamp)
+        before[at] = places[length - 1] if length else -1
+        ends[length : length + 1], places[length : length + 1] = [stamp], [at]
+    kept = [places[-1]]
+    while before[kept[-1]] >= 0:
+        kept.append(int(before[kept[-1]]))
+    return np.array(kept[::-1], dtype=np.intp)
 
 
 def check_overlap(

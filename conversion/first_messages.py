@@ -9,7 +9,7 @@ from civil_rgbd.conversion.cdr import CdrError
 from civil_rgbd.conversion.gathering import GatheredCameraInfo
 from civil_rgbd.conversion.livox import LIVOX_TIME, scan_from_livox
 from civil_rgbd.conversion.point_clouds import parse_cloud
-from civil_rgbd.conversion.point_time import PointTime, point_time_of
+from civil_rgbd.conversion.point_time import point_time_of
 from civil_rgbd.conversion.ros_assembly import Opened
 from civil_rgbd.conversion.ros_images import (
     is_photograph,
@@ -58,19 +58,12 @@ def _with_time(
     count: int, fields: tuple[tuple[str, str], ...], topic: Topic, options: RecordingOptions
 ) -> CloudFacts:
     if topic.type_name in LIVOX_TYPES:
-        return CloudFacts(count, fields, _in_words(LIVOX_TIME))
+        return CloudFacts(count, fields, LIVOX_TIME.meaning)
     try:
         rule = point_time_of(dict(fields), options.point_time, where=topic.name)
     except CivilRgbdError as error:
         return CloudFacts(count, fields, unclear_time=error.what)
-    return CloudFacts(count, fields, _in_words(rule) if rule else None)
-
-
-def _in_words(rule: PointTime) -> str:
-    unit = rule.unit or "s or ns"
-    return (
-        f"{rule.field}, {unit} {'after the header' if rule.reference == 'header' else 'absolute'}"
-    )
+    return CloudFacts(count, fields, rule.meaning if rule else None)
 
 
 def image_facts(topic: Topic, opened: Opened) -> ImageFacts | None:

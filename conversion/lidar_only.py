@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
@@ -21,15 +22,17 @@ from civil_rgbd.conversion.clocks import check_overlap
 from civil_rgbd.conversion.frame_tree import FrameTree
 from civil_rgbd.conversion.image_folder import ImageFolder, read_image_file
 from civil_rgbd.conversion.mounting import Frames, mount
+from civil_rgbd.domain.inspection import RecordingSummary, Refusal
 from civil_rgbd.domain.recording import (
     CameraImage,
+    Recording,
     RecordingNotes,
     RecordingOptions,
     SourceFile,
 )
 from civil_rgbd.domain.rig import Rig
 from civil_rgbd.domain.scan import LidarScan
-from civil_rgbd.errors import ImageDecodeError, UsageError
+from civil_rgbd.errors import CivilRgbdError, ImageDecodeError, UsageError
 from civil_rgbd.geometry.trajectory import Trajectory
 
 NO_POINT_TIMES: Final = (
@@ -192,6 +195,24 @@ def assemble_lidar_only(source: LidarSource, options: RecordingOptions) -> Lidar
     with suppress(ImageDecodeError):  # one damaged image is the build's to count
         recording.read_image(0)  # a wrong camera or codec shows now, not after an hour
     return replace(recording, notes=_notes(recording, source, options))
+
+
+def tried(summary: RecordingSummary, open_it: Callable[[], Recording]) -> RecordingSummary:
+    """Add to a summary whether a build could open the source.
+
+    Args:
+        summary: what the source holds.
+        open_it: opens it as a build would.
+    """
+    try:
+        recording = open_it()
+    except CivilRgbdError as error:
+        return replace(summary, refusal=Refusal(error.what, error.where, error.fix))
+    return replace(
+        summary,
+        T_lidar_camera=recording.rig.T_lidar_camera,
+        warnings=recording.notes.warnings,
+    )
 
 
 def _notes(

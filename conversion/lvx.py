@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 from civil_rgbd.conversion.beside import refuse_topics
 from civil_rgbd.conversion.frame_tree import FrameTree
-from civil_rgbd.conversion.lidar_only import LidarSource, assemble_lidar_only
-from civil_rgbd.conversion.lvx_file import LvxHeader, read_lvx_header
+from civil_rgbd.conversion.lidar_only import LidarSource, assemble_lidar_only, tried
+from civil_rgbd.conversion.lvx_file import read_lvx_header
 from civil_rgbd.conversion.lvx_imu import read_imu
 from civil_rgbd.conversion.lvx_scans import Index, LvxScans, index_scans
+from civil_rgbd.conversion.lvx_summary import summarise_walk
+from civil_rgbd.conversion.lvx_walk import Walk, walk_file
 from civil_rgbd.domain.folders import file_source
+from civil_rgbd.domain.inspection import RecordingSummary
 from civil_rgbd.domain.motion import ImuReadings
 from civil_rgbd.domain.recording import (
     Recording,
@@ -80,7 +83,11 @@ def open_recording(location: str | Path, options: RecordingOptions | None = None
         UsageError: an option does not fit, or one is needed.
     """
     path, options = Path(location), options or RecordingOptions()
-    _, index, notes = _opened(path, options)
+    return _assembled(_walked(path), options)
+
+
+def _assembled(walk: Walk, options: RecordingOptions) -> Recording:
+    path, (index, notes) = walk.path, _judged(walk, options)
     source = LidarSource(
         name=path.stem,
         scans=index.scans,
@@ -105,7 +112,8 @@ def open_motion(location: str | Path, options: RecordingOptions | None = None) -
         UsageError: an option does not fit, or one is needed.
     """
     path, options = Path(location), options or RecordingOptions()
-    header, index, notes = _opened(path, options)
+    walk = _walked(path)
+    index, notes = _judged(walk, options)
     roles = FrameTree()
     for (a, b), T_a_b in options.rig.extrinsics.items():
         roles.link(a, b, T_a_b)
@@ -114,29 +122,61 @@ def open_motion(location: str | Path, options: RecordingOptions | None = None) -
         sources=(file_source(path, "lvx"),),
         notes=notes,
         scans=index.scans,
-        imu=read_imu(path, header, index.scans.device),
+        imu=read_imu(path, walk.header, index.scans.device),
         T_imu_lidar=roles.find("imu", "lidar"),
     )
 
 
-def _opened(path: Path, options: RecordingOptions) -> tuple[LvxHeader, Index, RecordingNotes]:
-    refuse_topics(options, "scan_times", "point_time", where=path)
-    if options.scans_in == "map":
-        raise UsageError(
-            "an LVX file holds what the LiDAR measured, in its own frame",
-            where=path,
-            fix="leave --scans-in out",
-        )
+def inspect_recording(
+    location: str | Path, options: RecordingOptions | None = None
+) -> RecordingSummary:
+    """Say what an LVX file holds, whether a build can use it or not.
+
+    Args:
+        location: the file.
+        options: what the user says about it.
+
+    Raises:
+        RecordingError: it is not there, no LVX file, or its header is broken.
+    """
+    options = options or RecordingOptions()
+    walk = _walked(Path(location))
+    return tried(summarise_walk(walk), lambda: _assembled(walk, options))
+
+
+def _walked(path: Path) -> Walk:
+    """Read the header and walk the file once.
+
+    Raises:
+        RecordingError: it is no LVX file, or cannot be read.
+    """
     try:
         with path.open("rb") as file:
             start = file.read(_HEADER_BYTES)
-        header = read_lvx_header(start, where=path)
-        index = index_scans(path, header, options.lidar_topic, salvage=options.salvage)
+        return walk_file(path, read_lvx_header(start, where=path))
     except OSError as error:
         raise RecordingError(
             f"the recording cannot be read: {error.strerror or error}",
             where=path,
             fix="check the path, the disk and the file's permissions",
         ) from error
-    notes = RecordingNotes(salvage=index.salvage, warnings=index.warnings, counts=index.counts)
-    return header, index, notes
+
+
+def _judged(walk: Walk, options: RecordingOptions) -> tuple[Index, RecordingNotes]:
+    """Choose the device; what the file says of itself.
+
+    Raises:
+        RecordingError: it is damaged, or holds no points that can be used.
+        UsageError: an option does not fit, or one is needed.
+    """
+    refuse_topics(options, "scan_times", "point_time", where=walk.path)
+    if options.scans_in == "map":
+        raise UsageError(
+            "an LVX file holds what the LiDAR measured, in its own frame",
+            where=walk.path,
+            fix="leave --scans-in out",
+        )
+    index = index_scans(walk, options.lidar_topic, salvage=options.salvage)
+    return index, RecordingNotes(
+        salvage=index.salvage, warnings=index.warnings, counts=index.counts
+    )

@@ -34,7 +34,10 @@ def read_imu(path: Path, header: LvxHeader, device: Device) -> ImuReadings:
         packets = walk_packets(data[start:end], second=header.second, devices=header.keys)
         of_imu = (packets.kind == kind) & (packets.device == device.key)
         packets = packets.among(of_imu & (packets.length == IMU_BYTES))
-        stamps.append(packets.stamps_ns())
+        try:
+            stamps.append(packets.stamps_ns())
+        except ValueError:
+            continue  # the walk over the file told of it; it goes on only under salvage
         places = packets.place[:, np.newaxis] + np.arange(IMU_BYTES)
         readings.append(packets.data[places].reshape(-1, IMU_BYTES).copy().view("<f4"))
     if not sum(map(len, stamps)):

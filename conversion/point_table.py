@@ -62,13 +62,13 @@ def reading_cloud(path: Path) -> Iterator[None]:
         raise RecordingError(
             f"the scan breaks its own layout: {error}",
             where=path,
-            fix="export or copy the file again; a damaged file may also do this",
+            fix="export or copy the file again, or go on without it: --salvage",
         ) from error
     except OSError as error:
         raise RecordingError(
             f"the scan cannot be read: {error.strerror or error}",
             where=path,
-            fix="check the disk and the file's permissions",
+            fix="check the disk and the file's permissions, or go on without it: --salvage",
         ) from error
 
 

@@ -84,6 +84,16 @@ class PointTime:
         """
         return f"{self.field}:{self.unit or 's|ns'}:{self.reference}"
 
+    @property
+    def meaning(self) -> str:
+        """The rule for people.
+
+        >>> PointTime("t", "ns", "header", unsigned=True).meaning
+        't, ns after the header'
+        """
+        from_where = "after the header" if self.reference == "header" else "absolute"
+        return f"{self.field}, {self.unit or 's or ns'} {from_where}"
+
 
 def point_time_of(types: dict[str, str], option: str | None, *, where: object) -> PointTime | None:
     """Find out which field holds the point times, and in which unit.

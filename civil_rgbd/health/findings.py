@@ -22,7 +22,10 @@ CODES: Final = {
     "first-image-broken": ("warning", "a build counts such images and goes on"),
     "image-encoding": ("error", "convert the images, or choose another topic with --image-topic"),
     "image-gap": ("warning", "no frame is made inside it"),
-    "message-broken": ("error", "choose another topic, or record again"),
+    "message-broken": (
+        "error",
+        "go on without what is broken: --salvage; or choose another topic, or record again",
+    ),
     "no-camera-link": (
         "error",
         "give T_lidar_camera in a rig file (--rig); `civil-rgbd rig import` reads calibrations",
@@ -36,10 +39,18 @@ CODES: Final = {
     "no-point-clouds": ("error", "record sensor_msgs/PointCloud2 or a Livox CustomMsg"),
     "no-point-time": ("warning", "the build goes on without de-skewing"),
     "no-poses": ("error", "give --trajectory FILE; `civil-rgbd poses` makes one"),
+    "no-scan-times": (
+        "error",
+        "give --scan-times FILE: a stamp in seconds a line, in order of the files, or NAME,SECONDS",
+    ),
     "point-time-unclear": ("error", "say what it means: --point-time FIELD:UNIT:REFERENCE"),
     "pose-gap": ("warning", "images and points inside a gap above poses.max_gap_s are dropped"),
     "pose-of-unknown": ("error", "say so: --pose-of camera, lidar or imu"),
     "power-on-clock": ("warning", "other clocks must agree with it: see `clocks`"),
+    "scans-in-unknown": (
+        "error",
+        "say so: --scans-in lidar for scans as measured, map for registered ones",
+    ),
     "several-camera-info-topics": ("error", ""),
     "several-image-topics": ("error", ""),
     "several-lidar-frames": ("error", "record each LiDAR under a topic of its own"),

@@ -9,6 +9,7 @@ from typing import Final
 from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.domain.inspection import NOT_OPENED, RecordingSummary, TopicSummary
 from civil_rgbd.domain.recording import RecordingOptions
+from civil_rgbd.health.beside import beside_findings
 from civil_rgbd.health.clocks import clock_findings
 from civil_rgbd.health.findings import Finding
 from civil_rgbd.health.links import link_findings
@@ -57,33 +58,30 @@ def findings_of(summary: RecordingSummary, options: RecordingOptions) -> tuple[F
     Returns:
         no error exactly when ``open_recording`` accepts the recording with these options.
     """
-    if summary.converter == NOT_OPENED:
-        return tuple(_beside_missing(summary, options))
     chosen = choose(summary, options)
-    found = [
-        *_damage(summary, options),
-        *_lidar(chosen.lidars, summary),
-        *(() if options.images else _images(chosen.images, summary)),
-        *_camera(chosen, summary, options),
-        *_poses(chosen.poses, summary, options),
-        *link_findings(summary, options, chosen.lidars, chosen.images, chosen.poses),
-        *clock_findings(chosen.lidars, chosen.images, chosen.poses, options),
-        *_gaps(chosen),
-    ]
+    if summary.converter == NOT_OPENED:
+        return tuple(_agreeing([], summary))
+    if summary.lidar_only:
+        found = [
+            *_damage(summary, options),
+            *_lidar(chosen.lidars, summary),
+            *beside_findings(summary, options, chosen.lidars),
+            *clock_findings(chosen.lidars, (), (), options),
+            *_gaps(chosen),
+        ]
+    else:
+        found = [
+            *_damage(summary, options),
+            *_lidar(chosen.lidars, summary),
+            *(() if options.images else _images(chosen.images, summary)),
+            *_camera(chosen, summary, options),
+            *_poses(chosen.poses, summary, options),
+            *link_findings(summary, options, chosen.lidars, chosen.images, chosen.poses),
+            *clock_findings(chosen.lidars, chosen.images, chosen.poses, options),
+            *_gaps(chosen),
+        ]
     found = _agreeing(found, summary)
     return tuple(sorted(found, key=lambda finding: finding.level != "error"))
-
-
-def _beside_missing(summary: RecordingSummary, options: RecordingOptions) -> Iterator[Finding]:
-    """What must come from files beside a source that holds scans alone."""
-    if summary.refusal is not None:
-        yield Finding("build-refuses", summary.refusal.what, fix=summary.refusal.fix)
-    if options.trajectory is None:
-        yield Finding("no-poses", "such a source holds no poses")
-    if options.images is None:
-        yield Finding("no-images", "such a source holds no images")
-    if options.rig.camera is None:
-        yield Finding("no-camera-model", "such a source holds no camera model")
 
 
 def choose(summary: RecordingSummary, options: RecordingOptions) -> Chosen:
@@ -123,8 +121,14 @@ def _damage(summary: RecordingSummary, options: RecordingOptions) -> Iterator[Fi
         yield Finding(code, f"{said}; {summary.messages} messages over {span_s:.3f} s are readable")
 
 
-def _several(role: str, topics: tuple[TopicSummary, ...]) -> Finding:
+def _several(role: str, topics: tuple[TopicSummary, ...], *, lidar_only: bool = False) -> Finding:
     names = ", ".join(topic.name for topic in topics)
+    if lidar_only:
+        return Finding(
+            f"several-{role}-topics",
+            f"{len(topics)} LiDARs are in the file: {names}",
+            fix=f"choose one by its number: {_OPTIONS[role]} {topics[0].name}",
+        )
     return Finding(
         f"several-{role.replace('_', '-')}-topics",
         f"{len(topics)} topics carry {_NOUNS[role]}: {names}",
@@ -148,11 +152,11 @@ def _faults(topics: tuple[TopicSummary, ...]) -> Iterator[Finding]:
 
 
 def _lidar(topics: tuple[TopicSummary, ...], summary: RecordingSummary) -> Iterator[Finding]:
-    if not topics:
+    if not topics and not summary.lidar_only:
         unread = _unread(summary, ("/PointCloud2", "/CustomMsg"))
         yield Finding("no-point-clouds", f"no topic carries point clouds{unread}")
     if len(topics) > 1:
-        yield _several("lidar", topics)
+        yield _several("lidar", topics, lidar_only=summary.lidar_only)
         return
     yield from _faults(topics)
     for topic in topics:

@@ -84,11 +84,20 @@ def _headline(summary: RecordingSummary) -> str:
         return f"{summary.name}: {NOT_OPENED}, so nothing is known of what it holds"
     logged = summary.logged
     span_s = (logged.last_ns - logged.first_ns) / NS_PER_S if logged else 0.0
-    topics = f"{len(summary.topics)} topic{'s' * (len(summary.topics) != 1)}"
     return (
-        f"{summary.name}: {summary.converter}, {_size(summary.size_bytes)}, {summary.messages} "
-        f"messages in {topics} over {span_s:.1f} s, {'damaged' if summary.damage else 'whole'}"
+        f"{summary.name}: {summary.converter}, {_size(summary.size_bytes)}, {_amount(summary)} "
+        f"over {span_s:.1f} s, {'damaged' if summary.damage else 'whole'}"
     )
+
+
+def _amount(summary: RecordingSummary) -> str:
+    if not summary.lidar_only:
+        topics = f"{len(summary.topics)} topic{'s' * (len(summary.topics) != 1)}"
+        return f"{summary.messages} messages in {topics}"
+    roles = (("lidar", "scan"), ("imu", "IMU reading"))
+    counts = [(sum(t.messages for t in summary.of_role(role)), what) for role, what in roles]
+    said = [f"{count} {what}{'s' * (count != 1)}" for count, what in counts if count]
+    return " and ".join(said) or "no scans"
 
 
 def _size(size_bytes: int) -> str:
@@ -102,9 +111,10 @@ def _topic_lines(summary: RecordingSummary) -> Iterator[str]:
     used = [topic for role in _ROLES for topic in summary.of_role(role)]
     shown = used[:_SHOWN_TOPICS]
     if shown:
-        width = max(5, *(len(_clipped(topic.name)) for topic in shown))
+        named = "sensor" if summary.lidar_only else "topic"
+        width = max(len(named), *(len(_clipped(topic.name)) for topic in shown))
         kinds = max(4, *(len(_kind(topic)) for topic in shown))
-        yield f"  {'topic':{width}}  {'type':{kinds}} messages     rate  holds"
+        yield f"  {named:{width}}  {'type':{kinds}} messages     rate  holds"
         for topic in shown:
             yield (
                 f"  {_clipped(topic.name):{width}}  {_kind(topic):{kinds}} {topic.messages:8} "

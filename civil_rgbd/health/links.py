@@ -32,7 +32,7 @@ def link_findings(
     start = "body" if body else "lidar"
     if body in frames:
         links.append(("body", body))
-    reached = _reached(start, links)
+    reached = reached_from(start, links)
     known = ", ".join(sorted({name for link in summary.fixed_links for name in link})) or "none"
     if "lidar" not in reached and frames["lidar"]:
         yield Finding(
@@ -97,7 +97,8 @@ def _tf_links(
             yield role, roles[name]  # two sensors under one frame id
 
 
-def _reached(start: str, links: Iterable[tuple[str, str]]) -> set[str]:
+def reached_from(start: str, links: Iterable[tuple[str, str]]) -> set[str]:
+    """Return every sensor that a chain of links connects with one of them, itself included."""
     every, reached, grown = list(links), {start}, True
     while grown:
         size = len(reached)

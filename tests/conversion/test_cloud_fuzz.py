@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from civil_rgbd.conversion.lvx import _opened
+from civil_rgbd.conversion.lvx import _judged, _walked
 from civil_rgbd.conversion.point_table import reading_cloud, scan_from_table
 from civil_rgbd.conversion.scan_folder import READERS
 from civil_rgbd.domain.recording import RecordingOptions
@@ -47,7 +47,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 def read(path: Path) -> int:
     """Read everything of a file; return how many points came out."""
     if path.suffix == ".lvx":
-        scans = _opened(path, RecordingOptions(salvage=True))[1].scans
+        scans = _judged(_walked(path), RecordingOptions(salvage=True))[0].scans
         return sum(len(scans.read(at).points) for at in range(len(scans.stamps_ns)))
     with reading_cloud(path):
         table = READERS[path.suffix](path)

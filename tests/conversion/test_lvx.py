@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from civil_rgbd.conversion.lvx import _opened, open_motion, open_recording
+from civil_rgbd.conversion.lvx import _judged, _walked, open_motion, open_recording
 from civil_rgbd.conversion.lvx_scans import Index
 from civil_rgbd.domain.recording import RecordingOptions
 from civil_rgbd.domain.rig import RigFile
@@ -32,7 +32,7 @@ def xyz(count: int = 96, seed: int = 0) -> NDArray[np.float64]:
 def opened(tmp_path: Path, data: bytes, **options: object) -> Index:
     path = tmp_path / "a.lvx"
     path.write_bytes(data)
-    return _opened(path, RecordingOptions(**options))[1]  # type: ignore[arg-type]  # by name
+    return _judged(_walked(path), RecordingOptions(**options))[0]  # type: ignore[arg-type]  # by name
 
 
 def frames(count: int = 3, **more: int) -> list[list[Packet]]:

@@ -449,17 +449,6 @@ def test_a_simulated_recording_is_opened_to_be_inspected(
     assert "image 128x72" in out
 
 
-def test_a_source_of_scans_alone_says_all_that_must_come_from_beside(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "scan.pcd").write_bytes(b"# .PCD v0.7\n")
-
-    assert main(["inspect-recording", str(tmp_path / "scan.pcd")]) == 1
-    out = capsys.readouterr().out
-    for code in ("build-refuses", "no-poses", "no-images", "no-camera-model"):
-        assert f"error: {code}: " in out
-
-
 @settings(max_examples=60)
 @given(data=st.data())
 def test_damage_of_any_kind_is_inspected_or_refused_clearly(
