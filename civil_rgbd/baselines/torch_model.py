@@ -128,3 +128,8 @@ class TorchDepthModel(nn.Module, ABC):
 def as_unit_range(rgb: Tensor) -> Tensor:
     """Bring uint8 to 0 to 1; what is floating is there already."""
     return rgb if rgb.is_floating_point() else rgb.to(torch.float32) / 255
+
+
+def trainable(module: nn.Module) -> list[Parameter]:
+    """Return the parameters that are not frozen."""
+    return [parameter for parameter in module.parameters() if parameter.requires_grad]
