@@ -55,6 +55,10 @@ class OutputError(CivilRgbdError):
     """A file or folder cannot be written."""
 
 
+class StorageError(CivilRgbdError):
+    """Object storage cannot be reached, or refuses."""
+
+
 class DownloadError(CivilRgbdError):
     """A file cannot be fetched, or is not what was promised."""
 

@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 FLOORS = [
     {"errors", "constants", "resources", "schema", "recipes", "registry"},
-    {"geometry"},
+    {"geometry", "ros1", "storage"},
     {"domain"},
     {
         "conversion",
