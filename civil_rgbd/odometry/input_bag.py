@@ -15,15 +15,16 @@ from civil_rgbd.domain.scan import LidarScan
 from civil_rgbd.errors import RecordingError
 from civil_rgbd.odometry.engines import IMU_TOPIC, LIDAR_TOPIC, Engine
 from civil_rgbd.odometry.imu import SteadyImu
-from civil_rgbd.odometry.ros1_bag import Ros1BagWriter
 from civil_rgbd.odometry.ros1_messages import (
     CLOUD_TYPE,
     IMU_TYPE,
     LIVOX_TYPE,
+    TYPES,
     cloud_message,
     imu_message,
     livox_message,
 )
+from civil_rgbd.ros1.bag_writer import Ros1BagWriter
 
 Progress = Callable[[int, int], object]
 """Called with scans newly written and scans in all."""
@@ -84,7 +85,8 @@ def write_input(
     dropped: dict[str, int] = {}
     rows: list[tuple[int, int, int]] = []
     encode = livox_message if engine.livox_messages else cloud_message
-    topics = {IMU_TOPIC: IMU_TYPE, LIDAR_TOPIC: LIVOX_TYPE if engine.livox_messages else CLOUD_TYPE}
+    cloud_type = LIVOX_TYPE if engine.livox_messages else CLOUD_TYPE
+    topics = {IMU_TOPIC: TYPES[IMU_TYPE], LIDAR_TOPIC: TYPES[cloud_type]}
     written = 0
     with path.open("wb") as stream, Ros1BagWriter(stream, topics) as bag:
 

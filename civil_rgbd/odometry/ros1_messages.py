@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.constants import NS_PER_S
+from civil_rgbd.ros1.bag_writer import MessageType, ros_time
 
 IMU_TYPE: Final = "sensor_msgs/Imu"
 CLOUD_TYPE: Final = "sensor_msgs/PointCloud2"
@@ -18,9 +18,9 @@ _HEADER_TEXT = "std_msgs/Header header\n"
 _HEADER_PART = f"{'=' * 80}\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n"
 _VECTOR_PART = f"{'=' * 80}\nMSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
 
-# type -> (md5 sum that ROS computes of the definition, the definition)
-DEFINITIONS: Final[dict[str, tuple[str, str]]] = {
-    IMU_TYPE: (
+TYPES: Final[dict[str, MessageType]] = {
+    IMU_TYPE: MessageType(
+        IMU_TYPE,
         "6a62c6daae103f4ff57a132d6f95cec2",
         (
             f"{_HEADER_TEXT}geometry_msgs/Quaternion orientation\n"
@@ -31,7 +31,8 @@ DEFINITIONS: Final[dict[str, tuple[str, str]]] = {
             f"float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n{_VECTOR_PART}"
         ),
     ),
-    CLOUD_TYPE: (
+    CLOUD_TYPE: MessageType(
+        CLOUD_TYPE,
         "1158d486dd51d683ce2f1be655c3c181",
         (
             f"{_HEADER_TEXT}uint32 height\nuint32 width\nsensor_msgs/PointField[] fields\n"
@@ -42,7 +43,8 @@ DEFINITIONS: Final[dict[str, tuple[str, str]]] = {
             "string name\nuint32 offset\nuint8 datatype\nuint32 count\n"
         ),
     ),
-    LIVOX_TYPE: (
+    LIVOX_TYPE: MessageType(
+        LIVOX_TYPE,
         "e4d6829bdfe657cb6c21a746c86b21a6",
         (
             f"{_HEADER_TEXT}uint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\n"
@@ -120,11 +122,6 @@ def cloud_message(
             b"\x01",  # dense: no point is NaN
         )
     )
-
-
-def ros_time(stamp_ns: int) -> bytes:
-    """Encode a stamp as ROS 1 does: seconds and nanoseconds, uint32 each."""
-    return struct.pack("<II", *divmod(stamp_ns, NS_PER_S))
 
 
 def _header(stamp_ns: int, frame_id: str) -> bytes:

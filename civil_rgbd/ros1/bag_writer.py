@@ -1,13 +1,14 @@
-"""Writes ROS 1 bags (format 2.0, uncompressed): the one container that every engine reads."""
+"""Writes ROS 1 bags (format 2.0, uncompressed, indexed): every tool of that world reads them."""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import TracebackType
 from typing import IO, Final, Self
 
-from civil_rgbd.odometry.ros1_messages import DEFINITIONS, ros_time
+from civil_rgbd.constants import NS_PER_S
 
 MAGIC: Final = b"#ROSBAG V2.0\n"
 _MESSAGE, _BAG_HEADER, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
@@ -15,18 +16,33 @@ _BAG_HEADER_BYTES = 4096  # the format pads this record, so that it can be rewri
 _CHUNK_BYTES = 4 << 20
 
 
+@dataclass(frozen=True, slots=True)
+class MessageType:
+    """A kind of message.
+
+    Attributes:
+        name: ``package/Type``.
+        md5: the sum that ROS computes of the definition.
+        definition: its text, and that of every type it uses.
+    """
+
+    name: str
+    md5: str
+    definition: str
+
+
 class Ros1BagWriter:
     """Messages in, a bag out; give them in order of time, and leave the ``with`` to finish it.
 
     >>> import io
     >>> stream = io.BytesIO()
-    >>> with Ros1BagWriter(stream, {"/imu": "sensor_msgs/Imu"}) as bag:
+    >>> with Ros1BagWriter(stream, {"/imu": MessageType("sensor_msgs/Imu", "*", "")}) as bag:
     ...     bag.write("/imu", 1_000_000_000, b"payload")
     >>> stream.getvalue()[:12]
     b'#ROSBAG V2.0'
     """
 
-    def __init__(self, stream: IO[bytes], topics: Mapping[str, str]) -> None:
+    def __init__(self, stream: IO[bytes], topics: Mapping[str, MessageType]) -> None:
         self._stream = stream
         self._numbers = {topic: number for number, topic in enumerate(topics)}
         self._connections = [_connection(n, *item) for n, item in enumerate(topics.items())]
@@ -101,13 +117,17 @@ class Ros1BagWriter:
         self._begin_chunk()
 
 
-def _connection(number: int, topic: str, type_name: str) -> bytes:
-    md5, definition = DEFINITIONS[type_name]
+def ros_time(stamp_ns: int) -> bytes:
+    """Encode a stamp as ROS 1 does: seconds and nanoseconds, uint32 each."""
+    return struct.pack("<II", *divmod(stamp_ns, NS_PER_S))
+
+
+def _connection(number: int, topic: str, kind: MessageType) -> bytes:
     fields = {
         "topic": topic.encode(),
-        "type": type_name.encode(),
-        "md5sum": md5.encode(),
-        "message_definition": definition.encode(),
+        "type": kind.name.encode(),
+        "md5sum": kind.md5.encode(),
+        "message_definition": kind.definition.encode(),
     }
     head = {"op": _op(_CONNECTION), "conn": _u4(number), "topic": topic.encode()}
     return _record(head, _fields(fields))
