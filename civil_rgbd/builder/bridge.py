@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import re
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from civil_rgbd.builder.chunks import BRIDGE, DONE, ChunkRecord
-from civil_rgbd.builder.plan import Plan
+from civil_rgbd.builder.chunks import BRIDGE, DONE
 from civil_rgbd.builder.provenance import reading_record, recipe_record, software
-from civil_rgbd.constants import BRIDGE_ID_PATTERN, NS_PER_S
+from civil_rgbd.constants import BRIDGE_ID_PATTERN
 from civil_rgbd.domain.bridge import BridgeInfo, Counts, Manifest, rig_record
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
@@ -22,7 +20,7 @@ from civil_rgbd.errors import BuildError, FormatError, UsageError
 from civil_rgbd.format.atomic import whole_file, writing
 from civil_rgbd.format.layout import BRIDGES, DEFECTS, MANIFEST, PARTIAL
 from civil_rgbd.format.manifest import manifest_to_document, read_manifest
-from civil_rgbd.pipeline.prepare import PointCounts, local_origin, total_points
+from civil_rgbd.pipeline.prepare import local_origin
 
 _IDENTITY = "build.json"
 
@@ -96,6 +94,13 @@ def remove_partial(partial: Path) -> None:
         shutil.rmtree(partial, ignore_errors=True)
 
 
+def remove_left_over(partial: Path, identity: Mapping[str, object]) -> None:
+    """Take away what a kill left of a build whose bridge is there; other builds' work stays."""
+    found = _found_identity(partial)
+    if found is None or found == identity:
+        remove_partial(partial)
+
+
 def remove_if_empty(folder: Path) -> None:
     """Take a folder away unless something is in it: another build's unfinished work."""
     with contextlib.suppress(OSError):
@@ -126,55 +131,6 @@ def manifest_before(
         map_origin_m=(x, y, z),
         warnings=notes.warnings,
     )
-
-
-def with_counts(
-    manifest: Manifest,
-    plan: Plan,
-    records: Iterable[ChunkRecord],
-    recording: Recording,
-    *,
-    pixels_without_source: int,
-) -> Manifest:
-    """Fill in what was seen, kept and dropped: the same whoever made which chunk."""
-    frames = sorted(
-        (frame for record in records for frame in record.frames),
-        key=lambda frame: frame.source_index,
-    )
-    dropped = dict(plan.dropped)
-    for frame in frames:
-        if frame.dropped:
-            dropped[frame.dropped] = dropped.get(frame.dropped, 0) + 1
-    kept = [frame for frame in frames if frame.row is not None]
-    points: dict[int, PointCounts] = {}  # neighbouring chunks read some scans twice
-    for record in records:
-        points |= record.point_counts
-    totals = total_points(points.values())
-    points_read = totals.pop("read")
-    skipped = dict(recording.notes.counts)
-    if unreadable := totals.pop("messages_unreadable"):
-        skipped["scan-undecodable"] = unreadable
-    return replace(
-        manifest,
-        counts=Counts(
-            images_seen=plan.images_seen,
-            frames_kept=len(kept),
-            dropped=dropped,
-            scans_seen=len(recording.scan_stamps_ns),
-            scans_read=len(points),
-            points_read=points_read,
-            points_dropped=totals,
-            skipped=skipped,
-            mean_points_in_view=_mean([frame.points_in_view for frame in kept]),
-            mean_age_span_s=_mean([frame.span_ns / NS_PER_S for frame in kept]),
-            mean_valid_share=_mean([frame.row.valid_share for frame in kept if frame.row]),
-            pixels_without_source=pixels_without_source,
-        ),
-    )
-
-
-def _mean(values: list[int] | list[float]) -> float | None:
-    return math.fsum(values) / len(values) if values else None
 
 
 def find_whole(folder: Path, wanted: Manifest, *, overwrite: bool) -> Manifest | None:

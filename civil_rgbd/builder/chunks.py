@@ -12,9 +12,9 @@ from civil_rgbd.builder.plan import Chunk
 from civil_rgbd.domain.frame import FrameRow
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
-from civil_rgbd.format.atomic import whole_file
+from civil_rgbd.format.atomic import sync_files, whole_file
 from civil_rgbd.format.hashes import file_sha256
-from civil_rgbd.format.writer import write_frame
+from civil_rgbd.format.writer import row_paths, write_frame
 from civil_rgbd.pipeline.frames import FrameMaker, FrameOutcome, PlannedFrame
 from civil_rgbd.pipeline.prepare import PointCounts
 
@@ -34,12 +34,15 @@ class Job:
         recipe: how frames are made.
         frames: the plan's frames; chunks name them by index.
         partial: the folder of the unfinished build.
+        durable: bring each chunk's files to the disk before its record: whoever publishes them may
+            run on another machine, and cannot.
     """
 
     recording: Recording
     recipe: Recipe
     frames: tuple[PlannedFrame, ...]
     partial: Path
+    durable: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +100,9 @@ def run_chunk(
         frames.append(_record(job, outcome))
         on_frame()
     record = ChunkRecord(frames=tuple(frames), point_counts=maker.point_counts)
+    if job.durable:
+        rows = [frame.row for frame in frames if frame.row is not None]
+        sync_files(job.partial / BRIDGE, [path for row in rows for path in row_paths(row)])
     name = f"{planned[0].source_index:06d}-{planned[-1].source_index:06d}.json"
     with whole_file(job.partial / DONE / name) as scratch:
         scratch.write_text(json.dumps(_to_document(record)), encoding="utf-8")
@@ -117,17 +123,20 @@ def _record(job: Job, outcome: FrameOutcome) -> FrameRecord:
     )
 
 
-def finished_chunks(partial: Path) -> list[ChunkRecord]:
+def finished_chunks(partial: Path, within: tuple[int, int] | None = None) -> list[ChunkRecord]:
     """Read the records of a build that was stopped; chunks with a damaged file count as not done.
 
     Args:
         partial: the folder of the unfinished build.
+        within: first and last source index to look at; others may be at work on the rest.
 
     Returns:
         the chunks whose files are all there with the right bytes.
     """
     records = []
     for path in sorted((partial / DONE).glob("*.json")):
+        if within and not _touches(path.stem, within):
+            continue
         record = _read_record(path)
         if record and all(
             _whole(partial / BRIDGE, frame.row) for frame in record.frames if frame.row
@@ -135,8 +144,14 @@ def finished_chunks(partial: Path) -> list[ChunkRecord]:
             records.append(record)
         else:
             # The chunk is made again, perhaps cut otherwise: this record must not come back.
-            path.unlink()
+            path.unlink(missing_ok=True)
     return records
+
+
+def _touches(name: str, within: tuple[int, int]) -> bool:
+    """Tell whether a record's frames, as its name says them, lie among some frames."""
+    first, _, last = name.partition("-")
+    return first.isdigit() and last.isdigit() and within[0] <= int(last) and int(first) <= within[1]
 
 
 def _read_record(path: Path) -> ChunkRecord | None:

@@ -1,147 +1,176 @@
-"""Where chunks run: in this process, or in a pool that outlives the death of a worker."""
+"""Where chunks run: one small interface, and the places that fulfil it."""
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from functools import lru_cache
-from multiprocessing.connection import wait as wait_for_handle
-from typing import Final
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Protocol
 
 from civil_rgbd.builder.chunks import ChunkRecord, Job, run_chunk
 from civil_rgbd.builder.plan import Chunk
-from civil_rgbd.errors import BridgeFailedError
+from civil_rgbd.errors import CivilRgbdError
 from civil_rgbd.pipeline.frames import FrameMaker
 
-MAX_ATTEMPTS: Final = 3
-"""A chunk whose worker dies this often is given up."""
 
-OnFrames = Callable[[int], object]
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One chunk of one bridge.
 
-
-def in_this_process(
-    job: Job, chunks: Sequence[Chunk], *, workers: int, on_frames: OnFrames
-) -> Iterator[ChunkRecord]:
-    """Run chunks one after another: the default for one worker, and the easiest to debug."""
-    del workers
-    use_one_thread()
-    maker = FrameMaker(job.recording, job.recipe)
-    for chunk in chunks:
-        yield run_chunk(job, chunk, maker, on_frame=lambda: on_frames(1))
-
-
-def in_processes(
-    job: Job, chunks: Sequence[Chunk], *, workers: int, on_frames: OnFrames
-) -> Iterator[ChunkRecord]:
-    """Run chunks in a pool of processes; when a worker dies the pool is rebuilt.
-
-    Raises:
-        BridgeFailedError: a chunk's worker died :data:`MAX_ATTEMPTS` times.
-        CivilRgbdError: what a chunk itself raised.
+    Attributes:
+        job: the place of its job among those that the executor was made with.
+        chunk: which frames.
     """
-    waiting = list(reversed(chunks))
-    suspects: list[Chunk] = []
-    attempts = dict.fromkeys(chunks, 0)
-    while waiting or suspects:
-        # Whose worker died is not told: those that were running are tried again, each alone.
-        alone = [suspects.pop()] if suspects else None
-        queue, at_once = (alone, 1) if alone else (waiting, workers)
-        pool = ProcessPoolExecutor(
-            max_workers=min(at_once, len(queue)),
-            # Spawn: a fork copies locks that other threads of the parent may hold.
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_start_worker,
-            initargs=(job,),
-        )
-        running: dict[Future[ChunkRecord], Chunk] = {}
+
+    job: int
+    chunk: Chunk
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finished:
+    """A chunk is made, and its record is on disk."""
+
+    task: Task
+    record: ChunkRecord
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lost:
+    """A chunk's worker died; ``cause`` says how, in words."""
+
+    task: Task
+    cause: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Raised:
+    """A chunk raised; ``error`` is None when it was none of ours; ``cause`` says it in words."""
+
+    task: Task
+    error: CivilRgbdError | None
+    cause: str
+
+
+Event = Finished | Lost | Raised
+
+
+class Executor(Protocol):
+    """Runs chunks somewhere. Which bytes come out does not depend on where."""
+
+    @property
+    def slots(self) -> int:
+        """How many chunks it takes at once; it may grow and shrink."""
+
+    def start(self, task: Task) -> None:
+        """Begin a chunk; at most :attr:`slots` are under way."""
+
+    def wait(self) -> Sequence[Event]:
+        """Wait until chunks that were started came to an end, one way or another."""
+
+    def close(self) -> None:
+        """End all workers at once, whatever they are doing."""
+
+
+OnFrames = Callable[[Task, int], object]
+"""Called with a task and how many more of its frames are made, while it runs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Where to run.
+
+    Attributes:
+        executor: a key of :data:`EXECUTORS`.
+        workers: how many chunks at once; None = one a processor, or what a cluster has.
+        scheduler: address of a running Dask scheduler; None = a local cluster of its own.
+    """
+
+    executor: str = "serial"
+    workers: int | None = 1
+    scheduler: str | None = None
+
+
+class SerialExecutor:
+    """Runs one chunk after the other in this process: the easiest to debug."""
+
+    slots = 1
+
+    def __init__(self, jobs: Sequence[Job], on_frames: OnFrames) -> None:
+        self._jobs = jobs
+        self._on_frames = on_frames
+        self._makers = LastMaker()
+        self._task: Task | None = None
+        use_one_thread()
+
+    def start(self, task: Task) -> None:
+        """Remember a chunk."""
+        self._task = task
+
+    def wait(self) -> Sequence[Event]:
+        """Make the frames of the chunk."""
+        task = self._task
+        if task is None:
+            raise RuntimeError("nothing was started")
+        self._task = None
+        job = self._jobs[task.job]
         try:
-            yield from _drain(pool, running, queue, workers=at_once, on_frames=on_frames)
-        except BrokenProcessPool:
-            for chunk in running.values():
-                attempts[chunk] += 1
-                _refuse_poison(job, chunk, attempts[chunk])
-                suspects.append(chunk)
-        finally:
-            _stop(pool)
+            record = run_chunk(
+                job,
+                task.chunk,
+                self._makers.of(job),
+                on_frame=lambda: self._on_frames(task, 1),
+            )
+        except Exception as error:  # noqa: BLE001  # whatever it is, other chunks go on
+            return (raised(task, error),)
+        return (Finished(task, record),)
+
+    def close(self) -> None:
+        """Nothing is left behind."""
 
 
-def _drain(
-    pool: ProcessPoolExecutor,
-    running: dict[Future[ChunkRecord], Chunk],
-    waiting: list[Chunk],
-    *,
-    workers: int,
-    on_frames: OnFrames,
-) -> Iterator[ChunkRecord]:
-    """Keep the workers busy until nothing waits; ``running`` is what a broken pool loses."""
-    while waiting or running:
-        while waiting and len(running) < workers:
-            future = pool.submit(_run_in_worker, waiting[-1])  # raises when the pool is broken
-            running[future] = waiting.pop()
-        for future in wait(running, return_when=FIRST_COMPLETED).done:
-            record = future.result()  # BrokenProcessPool leaves the chunk in `running`
-            del running[future]
-            on_frames(len(record.frames))
-            yield record
+class LastMaker:
+    """The frame maker of the last job: a worker makes the chunks of a bridge in a row."""
+
+    def __init__(self) -> None:
+        self._job: Job | None = None
+        self._maker: FrameMaker | None = None
+
+    def of(self, job: Job) -> FrameMaker:
+        """Return the maker of a job; chunks of the same job share what was read."""
+        if self._maker is None or self._job is not job:
+            self._job, self._maker = job, FrameMaker(job.recording, job.recipe)
+        return self._maker
 
 
-def _refuse_poison(job: Job, chunk: Chunk, attempts: int) -> None:
-    if attempts < MAX_ATTEMPTS:
-        return
-    frames = job.frames[chunk.first : chunk.stop]
-    raise BridgeFailedError(
-        f"the worker of frames {frames[0].source_index} to {frames[-1].source_index} (stamps "
-        f"{frames[0].stamp_ns} to {frames[-1].stamp_ns} ns) died {attempts} times",
-        where=job.recording.name,
-        fix="look for the kernel's out-of-memory killer, lower --workers, and run the same "
-        "command again: finished chunks are kept",
-    )
+def raised(task: Task, error: Exception) -> Raised:
+    """Put an exception into words that survive the way between processes."""
+    if isinstance(error, CivilRgbdError):
+        return Raised(task, error, error.what)
+    place = traceback.extract_tb(error.__traceback__)[-1:]
+    where = "".join(f" ({Path(at.filename).name}, line {at.lineno})" for at in place)
+    return Raised(task, None, f"{type(error).__name__}: {error}{where}")
 
 
-EXECUTORS: Final = {"serial": in_this_process, "processes": in_processes}
-
-_job: Job | None = None  # a worker's copy, handed over once
-
-
-def _start_worker(job: Job) -> None:
-    global _job  # noqa: PLW0603  # the pool's initializer has no other place to leave it
-    _job = job
-    # The parent answers Ctrl-C; a worker only dies with it.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_die_with_parent, daemon=True).start()
-    use_one_thread()
+def _serial(jobs: Sequence[Job], placement: Placement, on_frames: OnFrames) -> Executor:
+    del placement
+    return SerialExecutor(jobs, on_frames)
 
 
-def _die_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait_for_handle([parent.sentinel])
-        os._exit(1)  # the build was killed: nobody wants what this worker is making
+def _processes(jobs: Sequence[Job], placement: Placement, on_frames: OnFrames) -> Executor:
+    from civil_rgbd.builder.executor_processes import ProcessExecutor
+
+    return ProcessExecutor(jobs, on_frames, workers=placement.workers or 1)
 
 
-def _run_in_worker(chunk: Chunk) -> ChunkRecord:
-    if _job is None:
-        raise RuntimeError("the worker was not started by _start_worker")
-    return run_chunk(_job, chunk, _maker_of(_job), on_frame=lambda: None)
+def _dask(jobs: Sequence[Job], placement: Placement, on_frames: OnFrames) -> Executor:
+    from civil_rgbd.builder.executor_dask import DaskExecutor
+
+    return DaskExecutor(jobs, on_frames, placement)
 
 
-@lru_cache(maxsize=1)
-def _maker_of(job: Job) -> FrameMaker:
-    return FrameMaker(job.recording, job.recipe)
-
-
-def _stop(pool: ProcessPoolExecutor) -> None:
-    processes = list((pool._processes or {}).values())  # noqa: SLF001  # no public way to end them at once
-    pool.shutdown(wait=False, cancel_futures=True)
-    for process in processes:
-        process.terminate()
-    for process in processes:
-        process.join()
+EXECUTORS: Final = {"serial": _serial, "processes": _processes, "dask": _dask}
+"""By name: what makes one of jobs, a placement, and whom to tell of frames."""
 
 
 def use_one_thread() -> None:

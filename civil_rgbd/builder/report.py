@@ -9,6 +9,7 @@ from pathlib import Path
 
 from civil_rgbd.domain.bridge import Counts
 from civil_rgbd.domain.recording import RecordingNotes
+from civil_rgbd.errors import CivilRgbdError
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +75,114 @@ class BuildReport:
         )
         lines.append(f"  lies in       {self.folder}")
         return "\n".join(lines)
+
+
+@dataclass(frozen=True, slots=True)
+class ShareReport:
+    """One part of a bridge, made by one of many jobs; nothing is published yet.
+
+    Attributes:
+        bridge_id: which.
+        share: ``i/N``.
+        frames: of the plan that belong to this part; all of them are made now.
+        frames_found: of those, how many an earlier run had made.
+        frames_planned: of the whole bridge.
+        seconds: wall time.
+    """
+
+    bridge_id: str
+    share: str
+    frames: int
+    frames_found: int
+    frames_planned: int
+    seconds: float
+
+    def to_document(self) -> dict[str, object]:
+        """Return all of it for machines."""
+        return dataclasses.asdict(self)
+
+    def to_text(self) -> str:
+        """Return it for people."""
+        found = f", {self.frames_found} of them found" if self.frames_found else ""
+        return (
+            f"{self.bridge_id}: part {self.share} is made: {self.frames} of "
+            f"{self.frames_planned} frames{found}; took {self.seconds:.1f} s"
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What became of one bridge of many.
+
+    Attributes:
+        bridge_id: which.
+        report: what was done; None when it failed.
+        error: why it failed; None when it did not.
+    """
+
+    bridge_id: str
+    report: BuildReport | ShareReport | None = None
+    error: Exception | None = None
+
+    def to_document(self) -> dict[str, object]:
+        """Return all of it for machines."""
+        if self.report is not None:
+            return self.report.to_document()
+        return {"bridge_id": self.bridge_id, "failed": _error_document(self.error)}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SurveyReport:
+    """What became of many bridges.
+
+    Attributes:
+        outcomes: one a bridge, in the order of the survey.
+        seconds: wall time of all.
+    """
+
+    outcomes: tuple[Outcome, ...]
+    seconds: float
+
+    @property
+    def failed(self) -> tuple[Outcome, ...]:
+        """Those that did not come out."""
+        return tuple(outcome for outcome in self.outcomes if outcome.report is None)
+
+    def to_document(self) -> dict[str, object]:
+        """Return all of it for machines."""
+        return {
+            "bridges": [outcome.to_document() for outcome in self.outcomes],
+            "failed": [outcome.bridge_id for outcome in self.failed],
+            "seconds": self.seconds,
+        }
+
+    def to_text(self) -> str:
+        """Return it for people: one line a bridge, then what failed and why."""
+        lines = [f"{'bridge':<24} {'frames':>7} {'images':>7} {'depth in':>9} {'seconds':>8}"]
+        lines += [f"{one.bridge_id:<24} {_row(one.report)}" for one in self.outcomes]
+        lines += [f"\n{one.bridge_id} failed: {one.error}" for one in self.failed]
+        made = len(self.outcomes) - len(self.failed)
+        lines.append(f"\n{made} of {len(self.outcomes)} bridges; took {self.seconds:.1f} s")
+        return "\n".join(lines)
+
+
+def _row(report: BuildReport | ShareReport | None) -> str:
+    match report:
+        case None:
+            return "failed"
+        case ShareReport():
+            return f"part {report.share}: {report.frames} of {report.frames_planned} frames made"
+        case _:
+            counts, share = report.counts, report.counts.mean_valid_share
+            depth = "none" if share is None else f"{100 * share:.1f} %"
+            took = "found" if report.already_whole else f"{report.seconds:.1f}"
+            return f"{counts.frames_kept:>7} {counts.images_seen:>7} {depth:>9} {took:>8}"
+
+
+def _error_document(error: Exception | None) -> dict[str, str]:
+    if isinstance(error, CivilRgbdError):
+        return {"what": error.what, "where": error.where, "fix": error.fix}
+    return {"what": f"{type(error).__name__}: {error}", "where": "", "fix": ""}
 
 
 def _listed(title: str, counts: Mapping[str, int], *, total: int | None = None) -> list[str]:

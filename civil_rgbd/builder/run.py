@@ -1,39 +1,38 @@
-"""Build a bridge: plan, check, make what is missing, publish."""
+"""Build bridges: plan and check them, make what is missing, publish each when it is whole."""
 
 from __future__ import annotations
 
+import logging
 import time
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from civil_rgbd.builder.bridge import (
-    find_whole,
-    manifest_before,
-    prepare_partial,
-    remove_if_empty,
-    remove_partial,
-    require_free_id,
-    with_counts,
+from civil_rgbd.builder.attempts import Failed, run_tasks
+from civil_rgbd.builder.bridge import remove_if_empty
+from civil_rgbd.builder.bridge_build import BridgeBuild, Manner, Order, begin
+from civil_rgbd.builder.executors import (
+    EXECUTORS,
+    Executor,
+    Finished,
+    Placement,
+    Task,
+    use_one_thread,
 )
-from civil_rgbd.builder.checks import check_before_start, require_images_fit
-from civil_rgbd.builder.chunks import BRIDGE, ChunkRecord, Job, finished_chunks
-from civil_rgbd.builder.executors import EXECUTORS, use_one_thread
-from civil_rgbd.builder.plan import Plan, chunks_of, in_words, plan_frames
-from civil_rgbd.builder.provenance import build_identity
-from civil_rgbd.builder.report import BuildReport
-from civil_rgbd.domain.bridge import BridgeInfo, Manifest
+from civil_rgbd.builder.report import BuildReport, Outcome, ShareReport, SurveyReport
+from civil_rgbd.builder.shares import Share
+from civil_rgbd.domain.bridge import BridgeInfo
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
-from civil_rgbd.errors import BridgeFailedError
-from civil_rgbd.format.atomic import folder_lock, recover_folder, writing
-from civil_rgbd.format.datasets import refresh_dataset
-from civil_rgbd.format.layout import BRIDGES, PARTIAL
-from civil_rgbd.format.writer import finish_bridge
-from civil_rgbd.pipeline.frames import FrameMaker
+from civil_rgbd.errors import BridgeFailedError, CivilRgbdError
+from civil_rgbd.format.layout import PARTIAL
 
 Progress = Callable[[int, int], object]
-"""Called with the frames just finished and the frames in all."""
+"""Called with the frames just finished (fewer than 0 where some are lost) and the frames in all."""
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +40,19 @@ class BuildOptions:
     """How to build, beside the recipe; nothing here changes a pixel.
 
     Attributes:
-        workers: processes; 1 runs in this one.
+        workers: chunks at once; None = one a processor, or what a cluster has.
+        executor: ``serial``, ``processes`` or ``dask``; None = by the number of workers.
+        scheduler: address of a running Dask scheduler; None = a local cluster.
+        share: make this part only, and publish nothing.
         overwrite: replace a bridge or an unfinished build that was made otherwise.
         overrides: recipe keys that were set by hand, for the manifest.
         on_progress: called as frames are finished.
     """
 
-    workers: int = 1
+    workers: int | None = 1
+    executor: str | None = None
+    scheduler: str | None = None
+    share: Share | None = None
     overwrite: bool = False
     overrides: Mapping[str, object] = field(default_factory=dict)
     on_progress: Progress = lambda _done, _total: None
@@ -63,113 +68,170 @@ def build_bridge(
         recipe: how frames are made.
         dataset: the dataset folder; it is made if need be.
         info: identity and what people say about the bridge.
-        options: how to run.
+        options: how to run; a share is none of a whole bridge: see :func:`build_bridges`.
 
     Returns:
         what was done; the bridge folder is whole.
 
     Raises:
+        ValueError: the options ask for a share.
         UsageError: the bridge's id does not fit.
         RecordingError: the recording lacks something.
         BuildError: nothing came out, or something else lies where the bridge should.
         OutputError: the folder cannot be written.
     """
-    started = time.monotonic()
-    require_free_id(dataset, info.bridge_id)
-    require_images_fit(recording, undistort=recipe.image.undistort)
-    plan = plan_frames(recording, recipe)
-    wanted = manifest_before(recording, recipe, info, options.overrides)
-    folder, partial = dataset / BRIDGES / info.bridge_id, dataset / PARTIAL / info.bridge_id
-    job = Job(recording=recording, recipe=recipe, frames=plan.frames, partial=partial)
-    with writing(dataset):
-        partial.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        with folder_lock(partial):
-            recover_folder(folder)
-            whole = find_whole(folder, wanted, overwrite=options.overwrite)
-            made = _Made(whole, 0) if whole else _make(job, plan, wanted, folder, options)
-            refresh_dataset(dataset)
-    finally:
-        remove_if_empty(partial.parent)
-    return BuildReport(
-        bridge_id=info.bridge_id,
-        folder=folder,
-        recipe=recipe.name,
-        counts=made.manifest.counts,
-        notes=recording.notes,
-        licence=info.licence,
-        seconds=time.monotonic() - started,
-        frames_found=made.frames_found,
-        already_whole=whole is not None,
-    )
+    if options.share is not None:
+        raise ValueError("one share makes no whole bridge: call build_bridges")
+    order = Order(info, open=lambda: recording)
+    report = only_report(build_bridges([order], recipe, dataset, options))
+    assert isinstance(report, BuildReport)  # noqa: S101  # without a share there is no other
+    return report
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Made:
-    """The manifest of a bridge that is whole, and how much of it was found half-made."""
-
-    manifest: Manifest
-    frames_found: int
-
-
-def _make(job: Job, plan: Plan, wanted: Manifest, folder: Path, options: BuildOptions) -> _Made:
-    """Check, go on where an earlier build was stopped, publish."""
-    use_one_thread()
-    maker = FrameMaker(job.recording, job.recipe)
-    check_before_start(maker, plan)
-    identity = build_identity(wanted, job.recording)
-    prepare_partial(job.partial, identity, overwrite=options.overwrite)
-    found = finished_chunks(job.partial)
-    records = found + _make_missing(job, found, options)
-    manifest = with_counts(
-        wanted, plan, records, job.recording, pixels_without_source=maker.images.missing_pixels
-    )
-    _publish(job, folder, manifest, maker, records)
-    return _Made(manifest, sum(len(record.frames) for record in found))
+def only_report(report: SurveyReport) -> BuildReport | ShareReport:
+    """Return the report of the only bridge, or raise what it failed with."""
+    (outcome,) = report.outcomes
+    if outcome.error is not None:
+        raise outcome.error
+    if outcome.report is None:
+        raise RuntimeError("a bridge neither came out nor failed")
+    return outcome.report
 
 
-def _make_missing(job: Job, found: list[ChunkRecord], options: BuildOptions) -> list[ChunkRecord]:
-    done = {frame.source_index for record in found for frame in record.frames}
-    todo = [i for i, frame in enumerate(job.frames) if frame.source_index not in done]
-    chunks = chunks_of(todo, workers=options.workers)
-    options.on_progress(len(job.frames) - len(todo), len(job.frames))
-    run = EXECUTORS["serial" if options.workers == 1 or len(chunks) < 2 else "processes"]
-    return list(
-        run(
-            job,
-            chunks,
-            workers=options.workers,
-            on_frames=lambda count: options.on_progress(count, len(job.frames)),
+def build_bridges(
+    orders: Sequence[Order], recipe: Recipe, dataset: Path, options: BuildOptions
+) -> SurveyReport:
+    """Build many bridges; one that fails does not stop the others.
+
+    Args:
+        orders: the bridges, each with another id.
+        recipe: how frames are made.
+        dataset: the dataset folder; it is made if need be.
+        options: how to run.
+
+    Returns:
+        what became of each.
+
+    Raises:
+        UsageError, BuildError: a cluster cannot be used.
+    """
+    return _Run(orders, recipe, dataset, options).report()
+
+
+class _Run:
+    """Bridges under way, what became of the others, and how far all of it is."""
+
+    def __init__(
+        self, orders: Sequence[Order], recipe: Recipe, dataset: Path, options: BuildOptions
+    ) -> None:
+        self._orders, self._options = orders, options
+        self._manner = Manner(
+            recipe=recipe,
+            dataset=dataset,
+            overrides=options.overrides,
+            overwrite=options.overwrite,
+            share=options.share,
+            remote=options.executor == "dask",
         )
-    )
+        self._outcomes: dict[str, Outcome] = {}
+        self._builds: list[BridgeBuild] = []
+        self._seen: Counter[Task] = Counter()  # frames of unfinished tasks that were told of
 
+    def report(self) -> SurveyReport:
+        """Do all of it."""
+        started = time.monotonic()
+        use_one_thread()
+        with ExitStack() as stack:
+            stack.callback(remove_if_empty, self._manner.dataset / PARTIAL)
+            for place, order in enumerate(self._orders):
+                self._begin(order, (place, len(self._orders)), stack)
+            self._make()
+        ids = [order.info.bridge_id for order in self._orders]
+        return SurveyReport(
+            outcomes=tuple(self._outcomes[i] for i in ids if i in self._outcomes),
+            seconds=time.monotonic() - started,
+        )
 
-def _publish(
-    job: Job, folder: Path, manifest: Manifest, maker: FrameMaker, records: list[ChunkRecord]
-) -> None:
-    frames = sorted(
-        (frame for record in records for frame in record.frames),
-        key=lambda frame: frame.source_index,
-    )
-    if [frame.source_index for frame in frames] != [frame.source_index for frame in job.frames]:
-        raise RuntimeError(
-            f"{len(job.frames)} frames were planned, {len(frames)} came back: an executor lost some"
+    def _begin(self, order: Order, place: tuple[int, int], stack: ExitStack) -> None:
+        share = self._options.share
+        if share and not share.touches(bridge=place[0], bridges=place[1]):
+            return
+        try:
+            build = begin(order, self._manner, place=place)
+        except Exception as error:  # noqa: BLE001  # whatever it is, other bridges go on
+            self._fail(order.info.bridge_id, error)
+            return
+        self._builds.append(build)
+        stack.callback(build.close)
+
+    def _make(self) -> None:
+        options = self._options
+        total = sum(build.frames for build in self._builds)
+        options.on_progress(sum(b.frames_made for b in self._builds if not b.whole), total)
+        for build in self._builds:
+            if build.whole or build.frames_made == build.frames:
+                self._finish(build)
+        if all(build.folder.name in self._outcomes for build in self._builds):
+            return
+        with closing(self._executor()) as executor:
+            tasks = [
+                Task(number, chunk)
+                for number, build in enumerate(self._builds)
+                if self._is_wanted(number)
+                for chunk in build.chunks(workers=executor.slots)
+            ]
+            jobs = [build.job for build in self._builds]
+            for event in run_tasks(
+                executor, tasks, jobs, wanted=lambda task: self._is_wanted(task.job)
+            ):
+                build = self._builds[event.task.job]
+                if isinstance(event, Failed):
+                    self._fail(build.folder.name, event.error)
+                elif isinstance(event, Finished):
+                    self._made(event, build)
+                else:
+                    _log.info("%s, chunk %s: %s", build.folder.name, event.task.chunk, event.cause)
+                    self._tell(event.task, -self._seen[event.task])
+
+    def _executor(self) -> Executor:
+        options = self._options
+        name = options.executor or ("serial" if options.workers == 1 else "processes")
+        return EXECUTORS[name](
+            [build.job for build in self._builds],
+            Placement(name, options.workers, options.scheduler),
+            self._tell,
         )
-    rows = [frame.row for frame in frames if frame.row is not None]
-    if not rows:
-        remove_partial(job.partial)
-        raise BridgeFailedError(
-            f"no frame came out of {manifest.counts.images_seen} images: "
-            f"{in_words(manifest.counts.dropped)}",
-            where=job.recording.name,
-            fix="look at the images of the recording: none that was chosen could be decoded",
-        )
-    finish_bridge(
-        job.partial / BRIDGE,
-        folder,
-        manifest=manifest,
-        camera=maker.images.camera,
-        rows=rows,
-        replace=folder.exists(),
-    )
-    remove_partial(job.partial)
+
+    def _is_wanted(self, number: int) -> bool:
+        return self._builds[number].folder.name not in self._outcomes
+
+    def _made(self, event: Finished, build: BridgeBuild) -> None:
+        frames = event.task.chunk.stop - event.task.chunk.first
+        self._tell(event.task, frames - self._seen[event.task])
+        build.records.append(event.record)
+        if build.frames_made == build.frames and build.folder.name not in self._outcomes:
+            self._finish(build)
+
+    def _tell(self, task: Task, frames: int) -> None:
+        if frames:
+            self._seen[task] += frames
+            total = sum(build.frames for build in self._builds)
+            self._options.on_progress(frames, total)
+
+    def _finish(self, build: BridgeBuild) -> None:
+        name = build.folder.name
+        try:
+            self._outcomes[name] = Outcome(name, report=build.finish())
+        except CivilRgbdError as error:
+            self._fail(name, error)
+        build.close()
+
+    def _fail(self, bridge_id: str, error: Exception) -> None:
+        if not isinstance(error, CivilRgbdError) and len(self._orders) > 1:
+            _log.error("%s failed", bridge_id, exc_info=error)
+            error = BridgeFailedError(
+                f"{type(error).__name__}: {error}",
+                where=bridge_id,
+                fix="build it alone for the whole story, and please report that",
+            )
+        self._outcomes[bridge_id] = Outcome(bridge_id, error=error)

@@ -9,7 +9,7 @@ import random
 import secrets
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
@@ -93,6 +93,22 @@ def sync_tree(folder: Path) -> None:
             for name in names:
                 _sync(Path(root) / name)
             _sync(Path(root))
+
+
+def sync_files(folder: Path, paths: Iterable[str]) -> None:
+    """Bring some files, and the folders they lie in, to the disk.
+
+    Args:
+        folder: what the paths are relative to.
+        paths: of the files.
+
+    Raises:
+        OutputError: the system refuses.
+    """
+    files = [folder / path for path in paths]
+    with writing(folder):
+        for path in [*files, *sorted({path.parent for path in files}), folder]:
+            _sync(path)
 
 
 def _aside(destination: Path) -> Path:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from civil_rgbd.simulator.mcap_file import write_recording
+from civil_rgbd.simulator.recorder import write_recording
 from civil_rgbd.simulator.spec import ScanSpec
 
 PEAK_OF_A_BUILD = """

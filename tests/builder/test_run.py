@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from civil_rgbd.builder import executors
+from civil_rgbd.builder import attempts
 from civil_rgbd.builder.chunks import BRIDGE, DONE
 from civil_rgbd.builder.recipes import load_recipe
 from civil_rgbd.builder.run import BuildOptions, build_bridge
@@ -452,5 +452,5 @@ def test_a_chunk_that_kills_its_worker_again_and_again_is_named(
         build_bridge(_Poisoned(spec), every, tmp_path, INFO, BuildOptions(workers=2))
 
     assert "finished chunks are kept" in caught.value.fix
-    assert executors.MAX_ATTEMPTS == 3
+    assert attempts.MAX_ATTEMPTS == 3
     assert not (tmp_path / BRIDGES / "B9").exists()

@@ -13,7 +13,7 @@ from civil_rgbd.domain.recording import RecordingOptions
 from civil_rgbd.errors import RecordingError
 from civil_rgbd.format.layout import BRIDGES
 from civil_rgbd.format.reader import read_bridge
-from civil_rgbd.simulator.mcap_file import write_recording
+from civil_rgbd.simulator.recorder import write_recording
 from civil_rgbd.simulator.recording import SimulatedRecording
 from civil_rgbd.validation import validate
 

@@ -1,0 +1,112 @@
+"""Each chunk gets several attempts; what fails again and again is given up, the rest goes on."""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from civil_rgbd.builder.chunks import Job
+from civil_rgbd.builder.executors import Event, Executor, Finished, Lost, Raised, Task
+from civil_rgbd.errors import BridgeFailedError, CivilRgbdError, OutputError
+
+MAX_ATTEMPTS: Final = 3
+"""A chunk that fails this often is given up."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Failed:
+    """A chunk that is given up.
+
+    Attributes:
+        task: which.
+        error: what its bridge fails with; names frames, stamps and cause.
+    """
+
+    task: Task
+    error: CivilRgbdError
+
+
+def run_tasks(
+    executor: Executor,
+    tasks: Iterable[Task],
+    jobs: Sequence[Job],
+    *,
+    wanted: Callable[[Task], bool],
+) -> Iterator[Event | Failed]:
+    """Run chunks, again where one fails, and tell what became of each.
+
+    The last attempt is made when everything else is done, and alone: a chunk whose worker died for
+    want of memory has all of it then, and no neighbour's death is blamed on it.
+
+    Args:
+        executor: where they run.
+        tasks: all chunks.
+        jobs: what they belong to.
+        wanted: tells, before a task starts, whether anybody still waits for it.
+
+    Yields:
+        every attempt's end; :class:`Failed` after the last one's. Nothing for tasks that nobody
+        wanted any more.
+    """
+    waiting, last, running = deque(tasks), deque[Task](), 0
+    causes: defaultdict[Task, list[str]] = defaultdict(list)
+    while waiting or last or running:
+        running += _start(executor, waiting, wanted, free=executor.slots - running)
+        if not running and last:
+            running += _start(executor, last, wanted, free=1)
+        if not running:
+            continue  # nobody wants what is left
+        for event in executor.wait():
+            running -= 1
+            yield event
+            if isinstance(event, Finished):
+                continue
+            if isinstance(event, Raised) and _is_final(event.error):
+                yield Failed(event.task, event.error)
+                continue
+            causes[event.task].append(event.cause)
+            if len(causes[event.task]) >= MAX_ATTEMPTS:
+                yield Failed(event.task, _given_up(event, causes[event.task], jobs))
+            else:
+                again = last if len(causes[event.task]) == MAX_ATTEMPTS - 1 else waiting
+                again.append(event.task)
+
+
+def _start(
+    executor: Executor, queue: deque[Task], wanted: Callable[[Task], bool], *, free: int
+) -> int:
+    """Start tasks of a queue while places are free; return how many."""
+    started = 0
+    while queue and started < free:
+        task = queue.popleft()
+        if wanted(task):
+            executor.start(task)
+            started += 1
+    return started
+
+
+def _is_final(error: CivilRgbdError | None) -> bool:
+    # What a recording or a recipe lacks, it lacks the next time too. A disk may have hiccups.
+    return error is not None and not isinstance(error, OutputError)
+
+
+def _given_up(event: Lost | Raised, causes: list[str], jobs: Sequence[Job]) -> CivilRgbdError:
+    if isinstance(event, Raised) and event.error is not None:
+        return event.error
+    job = jobs[event.task.job]
+    frames = job.frames[event.task.chunk.first : event.task.chunk.stop]
+    died = isinstance(event, Lost)
+    same = len(set(causes)) == 1
+    why = causes[-1] if same else "; ".join(f"{n}: {cause}" for n, cause in enumerate(causes, 1))
+    return BridgeFailedError(
+        f"chunk {event.task.chunk.number}, frames {frames[0].source_index} to "
+        f"{frames[-1].source_index} (stamps {frames[0].stamp_ns} to {frames[-1].stamp_ns} ns), "
+        f"failed {len(causes)} times{', each time' if same else ''}: {why}",
+        where=job.recording.name,
+        fix="look for the kernel's out-of-memory killer, lower --workers, and run the same "
+        "command again: finished chunks are kept"
+        if died
+        else "please report it with these lines; the same command goes on with finished chunks",
+    )

@@ -1,0 +1,161 @@
+"""Chunks in processes of this machine; a worker that dies costs its chunk only."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.connection import wait as wait_for_handle
+from multiprocessing.process import BaseProcess
+
+from civil_rgbd.builder.chunks import Job, run_chunk
+from civil_rgbd.builder.executors import (
+    Event,
+    Finished,
+    LastMaker,
+    Lost,
+    OnFrames,
+    Raised,
+    Task,
+    raised,
+    use_one_thread,
+)
+
+
+@dataclass(slots=True, eq=False)
+class _Worker:
+    """A process, our end of its pipe, and what it is making; None when it waits."""
+
+    process: BaseProcess
+    pipe: Connection
+    task: Task | None = None
+
+
+class ProcessExecutor:
+    """Processes that each make one chunk at a time: whose worker died is known for sure."""
+
+    def __init__(self, jobs: Sequence[Job], on_frames: OnFrames, *, workers: int) -> None:
+        self.slots = workers
+        self._jobs = tuple(jobs)
+        self._on_frames = on_frames
+        self._workers: list[_Worker] = []
+
+    def start(self, task: Task) -> None:
+        """Give a chunk to a worker that waits, or to a new one."""
+        for worker in [worker for worker in self._workers if worker.task is None]:
+            try:
+                worker.pipe.send(task)
+            except OSError:  # it died while it waited
+                self._bury(worker)
+            else:
+                worker.task = task
+                return
+        worker = _start_worker(self._jobs)
+        self._workers.append(worker)
+        worker.task = task
+        with contextlib.suppress(OSError):  # it is dead already: `wait` sees the end of the pipe
+            worker.pipe.send(task)
+
+    def wait(self) -> Sequence[Event]:
+        """Wait until some chunks came to an end; frames are told of as they are made."""
+        while True:
+            busy = {id(worker.pipe): worker for worker in self._workers if worker.task}
+            ready = wait_for_handle([worker.pipe for worker in busy.values()])
+            events = [self._hear(busy[id(pipe)]) for pipe in ready]
+            ended = [event for event in events if event is not None]
+            if ended:
+                return ended
+
+    def close(self) -> None:
+        """End all workers at once."""
+        for worker in self._workers:
+            worker.process.kill()
+        for worker in list(self._workers):
+            self._bury(worker)
+
+    def _hear(self, worker: _Worker) -> Event | None:
+        """Take one message of a worker, or notice that it is dead; None for frames."""
+        task = worker.task
+        if task is None:
+            raise RuntimeError("a worker spoke that was not asked")
+        try:
+            said = worker.pipe.recv()
+        except (EOFError, OSError):
+            return Lost(task, self._bury(worker))
+        if isinstance(said, int):
+            self._on_frames(task, said)
+            return None
+        worker.task = None
+        if isinstance(said, Finished | Raised):
+            return said
+        raise RuntimeError(f"a worker said {said!r}")
+
+    def _bury(self, worker: _Worker) -> str:
+        """Take leave of a worker that is dying; return of what, in words."""
+        self._workers.remove(worker)
+        worker.process.join()
+        worker.pipe.close()
+        code = worker.process.exitcode or 0
+        worker.process.close()
+        if code >= 0:
+            return f"its worker ended with exit code {code}"
+        name = next((sign.name for sign in signal.Signals if sign == -code), f"signal {-code}")
+        return f"its worker was killed by {name}"
+
+
+def _start_worker(jobs: tuple[Job, ...]) -> _Worker:
+    # Spawn: a fork copies locks that other threads of the parent may hold.
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_work, args=(theirs, jobs), daemon=True)
+    with without_interrupts():
+        process.start()
+    theirs.close()  # or the end of the pipe would never be seen
+    return _Worker(process, ours)
+
+
+@contextmanager
+def without_interrupts() -> Iterator[None]:
+    """Start children that Ctrl-C does not reach: this process answers it, and ends them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _work(pipe: Connection, jobs: tuple[Job, ...]) -> None:
+    """Make chunks until the parent is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_die_with_parent, daemon=True).start()
+    use_one_thread()
+    makers = LastMaker()
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            pipe.send(_make(pipe, jobs, makers, pipe.recv()))
+
+
+def _make(pipe: Connection, jobs: tuple[Job, ...], makers: LastMaker, task: Task) -> Event:
+    job = jobs[task.job]
+    try:
+        maker = makers.of(job)
+        record = run_chunk(job, task.chunk, maker, on_frame=lambda: pipe.send(1))
+    except Exception as error:  # noqa: BLE001  # whatever it is, other chunks go on
+        return raised(task, error)
+    return Finished(task, record)
+
+
+def _die_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait_for_handle([parent.sentinel])
+        os._exit(1)  # the build was killed: nobody wants what this worker is making

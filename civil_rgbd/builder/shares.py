@@ -1,0 +1,84 @@
+"""Shares of a build for job arrays: part i of N, the same wherever it is worked out."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from civil_rgbd.errors import UsageError
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """One part of a build that many jobs share.
+
+    Attributes:
+        number: which, from 1.
+        of: how many there are.
+    """
+
+    number: int
+    of: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.number <= self.of:
+            raise UsageError(
+                f"part {self.number} of {self.of} does not exist: parts count from 1",
+                where="--chunk",
+                fix=f"give --chunk 1/{max(self.of, 1)} and so on; with SLURM, sbatch "
+                f"--array=1-{max(self.of, 1)} and --chunk "
+                "$SLURM_ARRAY_TASK_ID/$SLURM_ARRAY_TASK_COUNT",
+            )
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.of}"
+
+    def frames_of(self, frames: int, *, bridge: int, bridges: int) -> tuple[int, int]:
+        """Return which frames of a bridge belong to this share.
+
+        The bridges lie on a line, each one unit long; share i of N has the i-th of N equal parts
+        of the line. So a job need not know bridges that its share does not touch.
+
+        Args:
+            frames: how many the bridge's plan has.
+            bridge: the bridge's place among all, from 0.
+            bridges: how many there are.
+
+        Returns:
+            first frame, and the one after the last, as indices of the plan.
+
+        >>> [Share(i, 3).frames_of(10, bridge=0, bridges=1) for i in (1, 2, 3)]
+        [(0, 3), (3, 6), (6, 10)]
+        >>> [Share(i, 2).frames_of(10, bridge=1, bridges=2) for i in (1, 2)]
+        [(0, 0), (0, 10)]
+        """
+        first = (self.number - 1) * bridges - bridge * self.of
+        stop = self.number * bridges - bridge * self.of
+        return self._clip(first) * frames // self.of, self._clip(stop) * frames // self.of
+
+    def touches(self, *, bridge: int, bridges: int) -> bool:
+        """Tell whether any of a bridge belongs to this share, however many frames it has."""
+        first, stop = self.frames_of(self.of, bridge=bridge, bridges=bridges)
+        return first < stop
+
+    def _clip(self, ticks: int) -> int:
+        return min(max(ticks, 0), self.of)
+
+
+def share_from(text: str) -> Share:
+    """Read ``i/N``.
+
+    Raises:
+        UsageError: it is something else.
+
+    >>> share_from("2/8")
+    Share(number=2, of=8)
+    """
+    found = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text.strip())
+    if not found:
+        raise UsageError(
+            f"{text!r} is no part of a build",
+            where="--chunk",
+            fix="give part and number of parts, for example --chunk 3/8 for the third of eight",
+        )
+    return Share(int(found[1]), int(found[2]))
