@@ -20,7 +20,6 @@ from civil_rgbd.builder.checks import check_before_start, require_images_fit
 from civil_rgbd.builder.chunks import ChunkRecord, Job, finished_chunks
 from civil_rgbd.builder.facts import Facts, facts_of, write_facts
 from civil_rgbd.builder.originals import (
-    Fingerprint,
     fingerprints,
     refuse_changed,
     refuse_other_hashes,
@@ -99,7 +98,6 @@ class BridgeBuild:
     folder: Path
     manner: Manner
     recording: Recording
-    files: tuple[Fingerprint, ...]
     whole: Manifest | None
     part: tuple[int, int]
     records: list[ChunkRecord]
@@ -136,7 +134,7 @@ class BridgeBuild:
         """
         if self.whole is None:
             try:
-                refuse_changed(self.files, self.recording.sources)
+                refuse_changed(self.job.files, self.recording.sources)
             except BridgeFailedError:
                 if self.manner.share is None:
                     remove_partial(self.job.partial)  # nobody knows which frames are good
@@ -206,12 +204,12 @@ def begin(order: Order, manner: Manner, *, place: tuple[int, int]) -> BridgeBuil
             frames=plan.frames,
             partial=partial,
             durable=manner.remote or manner.share is not None,
+            files=files,
         ),
         facts=facts_of(wanted, plan, recording, maker.images),
         folder=dataset / BRIDGES / bridge_id,
         manner=manner,
         recording=recording,
-        files=files,
         whole=None,
         part=_part(manner.share, len(plan.frames), place),
         records=[],

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from civil_rgbd.builder.originals import Fingerprint
 from civil_rgbd.builder.plan import Chunk
 from civil_rgbd.domain.frame import FrameRow
 from civil_rgbd.domain.recipe import Recipe
@@ -36,6 +37,7 @@ class Job:
         partial: the folder of the unfinished build.
         durable: bring each chunk's files to the disk before its record: whoever publishes them may
             run on another machine, and cannot.
+        files: what the recording is read from, so that another machine can compare.
     """
 
     recording: Recording
@@ -43,6 +45,7 @@ class Job:
     frames: tuple[PlannedFrame, ...]
     partial: Path
     durable: bool = False
+    files: tuple[Fingerprint, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

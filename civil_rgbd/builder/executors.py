@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -160,7 +161,7 @@ def _serial(jobs: Sequence[Job], placement: Placement, on_frames: OnFrames) -> E
 def _processes(jobs: Sequence[Job], placement: Placement, on_frames: OnFrames) -> Executor:
     from civil_rgbd.builder.executor_processes import ProcessExecutor
 
-    return ProcessExecutor(jobs, on_frames, workers=placement.workers or 1)
+    return ProcessExecutor(jobs, on_frames, workers=placement.workers or processors())
 
 
 def _dask(jobs: Sequence[Job], placement: Placement, on_frames: OnFrames) -> Executor:
@@ -171,6 +172,13 @@ def _dask(jobs: Sequence[Job], placement: Placement, on_frames: OnFrames) -> Exe
 
 EXECUTORS: Final = {"serial": _serial, "processes": _processes, "dask": _dask}
 """By name: what makes one of jobs, a placement, and whom to tell of frames."""
+
+
+def processors() -> int:
+    """Return how many processors this process may use: a job on a cluster has fewer than all."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def use_one_thread() -> None:
