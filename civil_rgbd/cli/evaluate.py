@@ -1,0 +1,81 @@
+"""``civil-rgbd evaluate``: score a trained model, or predictions on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command("evaluate")
+@click.argument("model", metavar="RUN_OR_PREDICTIONS")
+@click.option(
+    "--data",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="A dataset, or one bridge.",
+)
+@click.option(
+    "--split",
+    "split_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Score the test frames of this split  [default: those of the run, else all frames]",
+)
+@click.option("--bridge", "bridges", multiple=True, metavar="ID", help="All frames of this bridge.")
+@click.option("--min-depth", "min_depth_m", type=float, metavar="M", help="[default: 0.001]")
+@click.option("--max-depth", "max_depth_m", type=float, metavar="M", help="[default: 80]")
+@click.option("--flip", is_flag=True, help="Average with the prediction of the mirrored image.")
+@click.option(
+    "--median-scaling",
+    is_flag=True,
+    help="Scale predictions by the truth's median; the metrics' names say so.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Where results go  [default: RUN/results, else ./results]",
+)
+def command(
+    model: str,
+    *,
+    data: Path,
+    split_file: Path | None,
+    bridges: tuple[str, ...],
+    min_depth_m: float | None,
+    max_depth_m: float | None,
+    flip: bool,
+    median_scaling: bool,
+    out: Path | None,
+) -> None:
+    """Score a model on measured depth, and write results as JSON, CSV and Markdown.
+
+    RUN_OR_PREDICTIONS is a run folder of `train`, a folder of predictions
+    (BRIDGE/FRAME.exr, or 16-bit .png), or any model that `load_model` takes.
+    """
+    from civil_rgbd.cli.progress import frame_bar
+    from civil_rgbd.errors import UsageError
+    from civil_rgbd.evaluation.choice import choose_model, choose_split
+    from civil_rgbd.evaluation.metrics import MetricRules
+    from civil_rgbd.evaluation.results import results_markdown, write_results
+    from civil_rgbd.evaluation.run import EvaluationOptions, evaluate
+
+    limits = {"min_depth_m": min_depth_m, "max_depth_m": max_depth_m}
+    given = {name: value for name, value in limits.items() if value is not None}
+    try:
+        rules = MetricRules(**given, median_scaling=median_scaling)
+    except ValueError as error:
+        raise UsageError(
+            str(error), where="--min-depth, --max-depth", fix="give 0 < min < max"
+        ) from error
+    split = choose_split(model, data, split_file=split_file, bridges=bridges)
+    with frame_bar("evaluate") as on_progress:
+        options = EvaluationOptions(rules=rules, flip=flip, on_progress=on_progress)
+        evaluation = evaluate(choose_model(model), data, split, options)
+    run = Path(model)
+    folder = out or (run / "results" if (run / "model.pt").is_file() else Path("results"))
+    document = write_results(folder, evaluation, model=run.name, data=data.resolve().name)
+    print(results_markdown(document))
+    print(f"{folder}: results.json, results.csv, results.md, frames.csv")
