@@ -94,7 +94,7 @@ def test_the_restrictions_are_real(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def raw_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A simulated scan as MCAP: simulated once, since only what is built from it must agree."""
-    from civil_rgbd.simulator.mcap_file import write_recording
+    from civil_rgbd.simulator.recorder import write_recording
     from civil_rgbd.simulator.spec import ScanSpec
 
     path = tmp_path_factory.mktemp("raw") / "scan.mcap"

@@ -10,7 +10,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Final
 
-from civil_rgbd.simulator.mcap_file import Progress, write_recording
+from civil_rgbd.simulator.recorder import Progress, write_recording
 from civil_rgbd.simulator.spec import ScanSpec
 
 CACHE_VARIABLE: Final = "CIVIL_RGBD_CACHE"

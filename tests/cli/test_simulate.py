@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from civil_rgbd.cli import main
+from civil_rgbd.converters import open_recording
+from civil_rgbd.domain.recording import RecordingOptions
+from civil_rgbd.trajectories.files import read_trajectory_file
+from civil_rgbd.trajectories.rig import read_rig
 
 QUICK = ["--seconds", "0.3", "--image-scale", "0.05", "--point-rate-hz", "600"]
 
@@ -76,10 +81,51 @@ def test_a_file_that_is_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixt
     assert (tmp_path / "raw.mcap").read_bytes() == b"precious"
 
 
-def test_a_name_without_mcap_is_refused_with_the_right_one(
+def test_a_name_of_no_recording_is_refused_with_a_right_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code = main(["simulate", str(tmp_path / "raw.bag"), *QUICK])
+    code = main(["simulate", str(tmp_path / "raw.db3"), *QUICK])
 
     assert code == 2
     assert "write to 'raw.mcap'" in capsys.readouterr().err
+
+
+def test_what_a_bag_lacks_lies_beside_it_and_makes_the_same_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lacking = ["--without", "poses", "--without", "extrinsics"]
+    assert main(["simulate", str(tmp_path / "raw.bag"), *QUICK, *lacking]) == 0
+
+    said = capsys.readouterr().out
+    assert "raw.poses.tum: the poses, which the recording lacks" in said
+    assert "raw.rig.toml: the extrinsics, which the recording lacks" in said
+    assert main(["inspect-recording", str(tmp_path / "raw.bag")]) == 1
+    missing = capsys.readouterr().out
+    assert "no-poses" in missing
+    assert "no-camera-link" in missing
+    trajectory = read_trajectory_file(tmp_path / "raw.poses.tum").trajectory
+    rig = read_rig(tmp_path / "raw.rig.toml")
+    options = RecordingOptions(rig=rig, trajectory=trajectory, pose_of="imu")
+    opened = open_recording(tmp_path / "raw.bag", options)
+    expected = open_recording("simulated:demo?seconds=0.3&image_scale=0.05&point_rate_hz=600")
+    np.testing.assert_allclose(opened.rig.T_body_camera, expected.rig.T_body_camera, atol=1e-12)
+    np.testing.assert_array_equal(opened.rig.T_body_lidar, expected.rig.T_body_lidar)
+    for name in ("stamps_ns", "translations_m", "quaternions_xyzw"):
+        np.testing.assert_array_equal(
+            getattr(opened.trajectory, name), getattr(expected.trajectory, name)
+        )
+
+
+def test_a_rig_file_that_is_there_is_not_replaced_unasked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "raw.rig.toml").write_text("precious")
+    command = ["simulate", str(tmp_path / "raw.bag"), *QUICK, "--without", "extrinsics"]
+
+    assert main(command) == 2
+    assert "raw.rig.toml is there already" in capsys.readouterr().err
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["raw.rig.toml"]
+    assert (tmp_path / "raw.rig.toml").read_text() == "precious"
+
+    assert main([*command, "--overwrite"]) == 0
+    assert "T_lidar_camera" in (tmp_path / "raw.rig.toml").read_text()

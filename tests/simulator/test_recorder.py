@@ -14,13 +14,16 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, DataEnd
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
+from rosbags import rosbag1
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from civil_rgbd.converters import open_recording
-from civil_rgbd.errors import OutputError
-from civil_rgbd.simulator import mcap_file
+from civil_rgbd.converters import list_topics, open_recording
+from civil_rgbd.domain.recording import RecordingOptions
+from civil_rgbd.errors import OutputError, UsageError
+from civil_rgbd.simulator import recorder
 from civil_rgbd.simulator.camera import raw_camera, simulate_jpeg
 from civil_rgbd.simulator.lidar import simulate_scan
-from civil_rgbd.simulator.mcap_file import TOPICS, write_recording
+from civil_rgbd.simulator.recorder import TOPICS, write_recording
 from civil_rgbd.simulator.recording import SimulatedRecording
 from civil_rgbd.simulator.spec import ScanSpec
 
@@ -250,8 +253,84 @@ def test_a_full_disk_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     def full(_descriptor: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(mcap_file.os, "fsync", full)
+    monkeypatch.setattr(recorder.os, "fsync", full)
 
     with pytest.raises(OutputError, match="No space left"):
         write_recording(tmp_path / "raw.mcap", SPEC)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("simulated") / "raw.bag"
+    write_recording(path, SPEC)
+    return path
+
+
+class TestBag:
+    def test_it_opens_as_the_same_recording_as_the_mcap_file(self, bag: Path, file: Path) -> None:
+        one, two = open_recording(bag), open_recording(file)
+
+        assert one.notes == two.notes
+        assert one.notes.simulated
+        assert one.rig.camera == two.rig.camera
+        for name in ("T_body_camera", "T_body_lidar"):
+            np.testing.assert_array_equal(getattr(one.rig, name), getattr(two.rig, name))
+        for name in ("stamps_ns", "translations_m", "quaternions_xyzw"):
+            np.testing.assert_array_equal(
+                getattr(one.trajectory, name), getattr(two.trajectory, name)
+            )
+        np.testing.assert_array_equal(one.image_stamps_ns, two.image_stamps_ns)
+        for index in range(5):
+            a, b = one.read_scan(index), two.read_scan(index)
+            np.testing.assert_array_equal(a.points, b.points)
+            np.testing.assert_array_equal(a.point_stamps_ns, b.point_stamps_ns)
+            np.testing.assert_array_equal(a.noise, b.noise)
+            np.testing.assert_array_equal(one.read_image(index).rgb, two.read_image(index).rgb)
+
+    def test_another_library_decodes_every_message(self, bag: Path) -> None:
+        with rosbag1.Reader(bag) as reader:
+            store = get_typestore(Stores.EMPTY)
+            for connection in reader.connections:
+                types = get_types_from_msg(connection.msgdef.data, connection.msgtype)
+                store.register({k: v for k, v in types.items() if k not in store.fielddefs})
+            for connection in reader.connections:
+                # The sum is what ROS computes of the very definition that lies beside it.
+                _, md5 = store.generate_msgdef(connection.msgtype)
+                assert connection.digest == md5, connection.msgtype
+            counts: dict[str, int] = defaultdict(int)
+            for connection, _, data in reader.messages():
+                decoded = store.deserialize_ros1(data, connection.msgtype)
+                again = store.serialize_ros1(decoded, connection.msgtype)
+                assert bytes(again) == bytes(data)
+                counts[connection.topic] += 1
+            assert counts == {t: info.msgcount for t, info in reader.topics.items()}
+            assert set(counts) == set(TOPICS)
+
+    def test_the_definitions_are_those_of_ros(self, bag: Path) -> None:
+        noetic = get_typestore(Stores.ROS1_NOETIC)
+        with rosbag1.Reader(bag) as reader:
+            known = [c for c in reader.connections if c.msgtype in noetic.fielddefs]
+            assert len(known) == 5
+            for connection in known:
+                assert connection.digest == noetic.generate_msgdef(connection.msgtype)[1]
+
+    def test_the_same_spec_gives_the_same_bytes(self, bag: Path, tmp_path: Path) -> None:
+        write_recording(tmp_path / "again.bag", SPEC)
+
+        assert (tmp_path / "again.bag").read_bytes() == bag.read_bytes()
+
+
+@pytest.mark.parametrize("suffix", ["mcap", "bag"])
+def test_poses_and_extrinsics_can_be_left_out(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"raw.{suffix}"
+    write_recording(path, SPEC, without=("poses", "extrinsics"))
+    found = {topic.name for topic in list_topics(path, RecordingOptions()).topics}
+
+    assert found == set(TOPICS) - {"/odometry", "/tf_static"}
+
+
+def test_a_suffix_of_no_recording_is_a_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"neither \.mcap nor \.bag") as caught:
+        write_recording(tmp_path / "raw.db3", SPEC)
+    assert "'raw.mcap'" in caught.value.fix
