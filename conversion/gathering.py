@@ -202,13 +202,13 @@ class GatheredCameraInfo(Gathered):
 
 
 class GatheredFrame(Gathered):
-    """Imu: only the frame of the first message is of interest."""
+    """Imu: only the frame of the first whole message is of interest."""
 
     head_only = True
 
     def take(self, log_time_ns: int, place: Place, payload: memoryview) -> None:
-        """Look at the first message only: there are hundreds a second."""
-        if self.count == 0:
+        """Look at the first message that is whole only: there are hundreds a second."""
+        if not self.frames:
             super().take(log_time_ns, place, payload)
         else:
             self.count += 1

@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from civil_rgbd.conversion.lvx_packets import is_frame, next_frame
 from civil_rgbd.errors import RecordingError
 from civil_rgbd.geometry.angles import rotation_from_roll_pitch_yaw
 from civil_rgbd.geometry.transforms import transform_from
@@ -142,7 +143,7 @@ def frames_of(
     Args:
         data: (B,) uint8, the file.
         header: of it.
-        damage: what is broken is added, in words; nothing is yielded behind it.
+        damage: what is broken is added, in words; behind it the walk goes on at the next frame.
 
     Yields:
         start and end of a frame's packets.
@@ -153,14 +154,17 @@ def frames_of(
             damage.append(f"it ends at byte {len(data)}, inside the header of frame {number}")
             return
         here, following, _ = _FRAME.unpack(data[at : at + _FRAME.size].tobytes())
-        if here != at or (following <= at + _FRAME.size - 1 and following):
-            damage.append(
-                f"frame {number} at byte {at} says that it goes from {here} to {following}"
-            )
-            return
+        if here != at:
+            damage.append(f"frame {number} at byte {at} says that it begins at {here}")
+            at = next_frame(data, at + 1)
+            continue
         end = following or len(data)  # some writers leave the last one 0
-        if end > len(data):
-            damage.append(f"frame {number} should end at byte {end}, the file ends at {len(data)}")
-            end = len(data)
+        if not (end == len(data) or (at < end < len(data) and is_frame(data, end))):
+            # An end that lies, or a file that is cut, or the next frame's header that is broken.
+            behind = next_frame(data, at + _FRAME.size)
+            if not at + _FRAME.size <= end <= behind:
+                place = "the file ends at" if behind == len(data) else "the next begins at"
+                damage.append(f"frame {number} should end at byte {end}, {place} {behind}")
+                end = behind
         yield at + _FRAME.size, end
         at, number = end, number + 1

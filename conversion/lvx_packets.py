@@ -75,6 +75,38 @@ def _walk(data, second, devices, payload_bytes, rows, stamps):  # type: ignore[n
 
 
 @numba.njit(cache=True)
+def _is_frame(data, at):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # a kernel: numba infers
+    return at + 24 <= len(data) and _little(data, at, 8) == at
+
+
+@numba.njit(cache=True)
+def _next_frame(data, at):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # a kernel: numba infers
+    while at + 24 <= len(data):
+        if _is_frame(data, at):
+            return at
+        at += 1
+    return len(data)
+
+
+def is_frame(data: NDArray[np.uint8], at: int) -> bool:
+    """Whether a frame begins at a byte of a file: its header begins with where it lies."""
+    return bool(_is_frame(data, at))
+
+
+def next_frame(data: NDArray[np.uint8], at: int) -> int:
+    """Find the next frame.
+
+    Args:
+        data: (B,) uint8, the file.
+        at: where to begin looking.
+
+    Returns:
+        where it begins; the length of data when there is none.
+    """
+    return int(_next_frame(data, at))
+
+
+@numba.njit(cache=True)
 def _gather(data, places, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # a kernel: numba infers
     """Copy equally long pieces of ``data`` into the rows of ``out``."""
     for row in range(len(places)):

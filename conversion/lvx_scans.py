@@ -72,8 +72,7 @@ class LvxScans:
             found = points_of_packets(packets, second=self.second, interval_ns=self.interval_ns)
         except ValueError as error:
             if self.salvage:
-                nothing, no_stamps = np.zeros((0, 3), np.float32), np.zeros(0, np.int64)
-                return LidarScan(int(self.stamps_ns[index]), nothing, no_stamps, unreadable=True)
+                return LidarScan.lost(int(self.stamps_ns[index]))
             raise RecordingError(
                 f"frame {index} breaks its own layout: {error}",
                 where=self.path,

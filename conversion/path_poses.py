@@ -77,6 +77,9 @@ class PathPoses:
 
     SLAM corrects what it said before, so later is better; and some publishers send only the last
     few poses. Memory grows with the poses, not with the messages.
+
+    Attributes:
+        unordered: messages whose own stamps do not ascend; their poses are not among the others.
     """
 
     def __init__(self) -> None:
@@ -85,6 +88,7 @@ class PathPoses:
         self._poses = np.empty((0, 7))
         self._count = 0
         self._unordered: tuple[NDArray[np.int64], NDArray[np.float64]] | None = None
+        self.unordered = 0
 
     def add(
         self, log_time_ns: int, stamps_ns: NDArray[np.int64], poses: NDArray[np.float64]
@@ -98,6 +102,7 @@ class PathPoses:
         """
         if (stamps_ns[1:] <= stamps_ns[:-1]).any():
             self._unordered = self._unordered or (stamps_ns, poses)
+            self.unordered += 1
             return
         if not len(stamps_ns):
             return
@@ -147,11 +152,14 @@ class PathPoses:
         logs_ns = self._logs_ns[: self._count]
         return int((logs_ns < logs_ns.max()).sum()) if self._count else 0
 
-    def together(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def together(self, *, salvage: bool = False) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return stamps (P,) and poses (P, 7).
 
         They ascend, unless the stamps of some message do not: then only that message's, as it is.
+
+        Args:
+            salvage: leave such messages out, where there are others.
         """
-        if self._unordered is not None:
+        if self._unordered is not None and not (salvage and self._count):
             return self._unordered
         return self._stamps_ns[: self._count].copy(), self._poses[: self._count].copy()

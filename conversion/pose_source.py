@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
 
 from civil_rgbd.conversion.beside import require_body
 from civil_rgbd.conversion.gathering import GatheredPaths, GatheredPoses
-from civil_rgbd.conversion.ros_choice import choose_poses, no_poses
-from civil_rgbd.conversion.ros_poses import Transforms, link_that_carries, trajectory_from
+from civil_rgbd.conversion.ros_choice import choose_poses, mostly, nearly_all_alike, no_poses
+from civil_rgbd.conversion.ros_poses import (
+    Transforms,
+    link_that_carries,
+    trajectory_from,
+    without_broken,
+)
 from civil_rgbd.conversion.topics import Topic, TopicTable
 from civil_rgbd.domain.recording import RecordingOptions
 from civil_rgbd.errors import RecordingError, UsageError
@@ -40,6 +48,7 @@ class PoseSource:
         name: ``file``, a topic, or ``tf: parent -> child``.
         warnings: what is odd about them.
         topic: whose messages they are; None for those of a file and of tf.
+        left_out: poses that are damaged, by reason; only where the user asked to go on without.
     """
 
     trajectory: Trajectory
@@ -48,6 +57,7 @@ class PoseSource:
     name: str
     warnings: tuple[str, ...] = ()
     topic: Topic | None = None
+    left_out: dict[str, int] = field(default_factory=dict)
 
 
 def choose_pose_source(
@@ -69,13 +79,14 @@ def choose_pose_source(
         return _poses_from_file(options, options.trajectory, where)
     topic = choose_poses(table, options, where=where)
     if topic is None:
-        return _poses_from_tf(carriers, where)
+        return _poses_from_tf(carriers, options, where)
     where = f"{where}: {topic.name}"
     gathered = topic.gathered
-    child = ""
+    child, unordered = "", 0
     warnings: tuple[str, ...] = ()
     if isinstance(gathered, GatheredPaths):
-        stamps_ns, poses = gathered.path.together()
+        stamps_ns, poses = gathered.path.together(salvage=options.salvage)
+        unordered = gathered.path.unordered
         if not len(stamps_ns):
             raise no_poses(where, "every Path is empty")
         if earlier := gathered.path.from_earlier_messages:
@@ -87,19 +98,43 @@ def choose_pose_source(
             )
     elif isinstance(gathered, GatheredPoses):
         stamps_ns, poses = gathered.poses()
-        _refuse_several(gathered.children, "child frames", where)
-        child = next(iter(gathered.children), "")
+        _refuse_several(gathered.children, "child frames", options, where)
+        child = mostly(gathered.children)
     else:
         raise no_poses(where)
-    _refuse_several(gathered.frames, "parent frames", where)
+    _refuse_several(gathered.frames, "parent frames", options, where)
     if not child and options.pose_of is None:
         raise UsageError(
             f"{topic.type_name} does not say what its poses are poses of",
             where=where,
             fix="say so with --pose-of camera, lidar or imu",
         )
-    trajectory = trajectory_from(stamps_ns, poses, where=where)
-    return PoseSource(trajectory, gathered.frame, child, topic.name, warnings, topic)
+    trajectory, left_out = _checked(stamps_ns, poses, options, where)
+    if unordered:
+        left_out["path-unordered"] = unordered
+    warnings += _said(left_out)
+    return PoseSource(trajectory, gathered.frame, child, topic.name, warnings, topic, left_out)
+
+
+def _checked(
+    stamps_ns: NDArray[np.int64],
+    poses: NDArray[np.float64],
+    options: RecordingOptions,
+    where: object,
+) -> tuple[Trajectory, dict[str, int]]:
+    """Make a trajectory of poses; under ``salvage`` of those that are whole."""
+    left_out: dict[str, int] = {}
+    if options.salvage:
+        stamps_ns, poses, left_out = without_broken(stamps_ns, poses)
+    return trajectory_from(stamps_ns, poses, where=where), left_out
+
+
+def _said(left_out: dict[str, int]) -> tuple[str, ...]:
+    if not left_out:
+        return ()
+    return (
+        f"damaged poses are left out: {', '.join(f'{why} {n}' for why, n in left_out.items())}",
+    )
 
 
 def _poses_from_file(
@@ -115,8 +150,10 @@ def _poses_from_file(
     return PoseSource(trajectory, "", "", "file")
 
 
-def _refuse_several(names: dict[str, int], what: str, where: object) -> None:
-    if len(names) > 1:
+def _refuse_several(
+    names: dict[str, int], what: str, options: RecordingOptions, where: object
+) -> None:
+    if len(names) > 1 and not (options.salvage and nearly_all_alike(names)):
         raise RecordingError(
             f"the poses have several {what}: {', '.join(map(repr, sorted(names)))}",
             where=where,
@@ -125,7 +162,7 @@ def _refuse_several(names: dict[str, int], what: str, where: object) -> None:
         )
 
 
-def _poses_from_tf(carriers: Carriers, where: object) -> PoseSource:
+def _poses_from_tf(carriers: Carriers, options: RecordingOptions, where: object) -> PoseSource:
     tf = carriers.tf
     links = link_that_carries(carriers.lidar, tf)
     if carriers.camera and not links:
@@ -142,5 +179,7 @@ def _poses_from_tf(carriers: Carriers, where: object) -> PoseSource:
     above = [other for other in tf.moving if other.child == link.parent]
     if above:
         warning += f"; {above[0].parent} -> {link.parent} moves too and is left out"
-    trajectory = trajectory_from(link.stamps_ns, link.poses, where=f"{where}: {name}")
-    return PoseSource(trajectory, link.parent, link.child, name, (warning,))
+    where = f"{where}: {name}"
+    trajectory, left_out = _checked(link.stamps_ns, link.poses, options, where)
+    warnings = (warning, *_said(left_out))
+    return PoseSource(trajectory, link.parent, link.child, name, warnings, left_out=left_out)

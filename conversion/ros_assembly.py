@@ -116,7 +116,8 @@ def assemble(opened: Opened, options: RecordingOptions) -> RosRecording:
         *said,
     )
     reading = _reading(recording, camera, poses, point_time)
-    return _noted(recording, reading, remarks, damaged | _left_out(tf, folder))
+    left_out = damaged | poses.left_out | _left_out(tf, folder)
+    return _noted(recording, reading, remarks, left_out)
 
 
 def _noted(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Final
 
 from civil_rgbd.conversion.cdr import frame_name
 from civil_rgbd.conversion.gathering import (
@@ -21,6 +22,7 @@ from civil_rgbd.conversion.topics import (
 from civil_rgbd.domain.recording import RecordingOptions
 from civil_rgbd.errors import RecordingError
 
+_ALIKE_SHARE: Final = 0.9
 _NO_POSES_FIX = (
     "record poses along (nav_msgs/Odometry, geometry_msgs/PoseStamped, nav_msgs/Path or tf) and "
     "name them with --pose-topic; say what they are of with --pose-of where they have no child "
@@ -43,13 +45,28 @@ def choose_lidar(table: TopicTable, options: RecordingOptions, *, where: object)
         where=where,
         fix="record sensor_msgs/PointCloud2 or a Livox CustomMsg",
     )
-    if len(topic.gathered.frames) > 1:
+    frames = topic.gathered.frames
+    if len(frames) > 1 and not (options.salvage and nearly_all_alike(frames)):
         raise RecordingError(
             f"the point clouds come in several frames: {', '.join(sorted(topic.gathered.frames))}",
             where=f"{where}: {topic.name}",
             fix="record each LiDAR under a topic of its own",
         )
     return topic
+
+
+def nearly_all_alike(names: Mapping[str, int]) -> bool:
+    """Whether the other names are so few that damage may have made them.
+
+    Args:
+        names: messages by frame id.
+    """
+    return max(names.values()) >= _ALIKE_SHARE * sum(names.values())
+
+
+def mostly(names: Mapping[str, int]) -> str:
+    """Return the name of most messages; empty when there are none."""
+    return max(names, key=lambda name: names[name], default="")
 
 
 def choose_images(table: TopicTable, options: RecordingOptions, *, where: object) -> Topic:
@@ -95,7 +112,7 @@ def choose_camera_info(
         raise ask_which(found, "camera_info", where=where)
     if not found:
         return None
-    _refuse_faults(found[0], options, where)
+    refuse_faults(found[0], options, where)
     return found[0]
 
 
@@ -112,7 +129,7 @@ def choose_poses(table: TopicTable, options: RecordingOptions, *, where: object)
     if len(found) > 1:
         raise ask_which(found, "pose", where=where)
     if found:
-        _refuse_faults(found[0], options, where)
+        refuse_faults(found[0], options, where)
         return found[0] if found[0].role == "pose" else None
     table.refuse_other_encodings("pose", where=where)
     if not table.of_role("tf"):
@@ -141,7 +158,7 @@ def transforms_gathered(
     for topic in table.of_role("tf"):
         if isinstance(topic.gathered, GatheredTransforms):
             if not options.salvage:
-                _refuse_faults(topic, options, where)
+                refuse_faults(topic, options, where)
             is_static = topic.name.endswith("tf_static") and topic.name != options.pose_topic
             (static if is_static else moving).append(topic.gathered)
     return static, moving
@@ -192,7 +209,7 @@ def _choose(
             table.refuse_other_encodings(role, where=where)
             raise none_found(role, fix, where=where)
         topic = found[0]
-    _refuse_faults(topic, options, where)
+    refuse_faults(topic, options, where)
     return topic
 
 
@@ -208,7 +225,12 @@ def damage_of(topics: Iterable[Topic]) -> tuple[dict[str, int], tuple[str, ...]]
     return ({"message-damaged": total} if total else {}), warnings
 
 
-def _refuse_faults(topic: Topic, options: RecordingOptions, where: object) -> None:
+def refuse_faults(topic: Topic, options: RecordingOptions, where: object) -> None:
+    """Refuse a topic with damaged messages; under ``salvage`` one without any whole message.
+
+    Raises:
+        RecordingError: it has them.
+    """
     gathered: Gathered = topic.gathered
     if not gathered.faults or (options.salvage and gathered.faults < gathered.count):
         return

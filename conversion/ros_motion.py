@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import struct
 from array import array
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.conversion.cdr import CdrError, decoding
+from civil_rgbd.conversion.cdr import CdrError
 from civil_rgbd.conversion.encodings import READERS
 from civil_rgbd.conversion.frame_tree import FrameTree
 from civil_rgbd.conversion.gathering import Gathered
-from civil_rgbd.conversion.livox import LIVOX_TIME, scan_from_livox
-from civil_rgbd.conversion.point_clouds import scan_from_cloud
+from civil_rgbd.conversion.livox import LIVOX_TIME
 from civil_rgbd.conversion.point_time import PointTime
 from civil_rgbd.conversion.ros_assembly import Opened, point_time_of_scans, stream_of
-from civil_rgbd.conversion.ros_choice import choose_lidar, transforms_gathered
+from civil_rgbd.conversion.ros_choice import (
+    choose_lidar,
+    damage_of,
+    refuse_faults,
+    transforms_gathered,
+)
 from civil_rgbd.conversion.ros_poses import transforms_from
-from civil_rgbd.conversion.ros_recording import Payloads, Stream
+from civil_rgbd.conversion.ros_recording import Payloads, Stream, decoded_scan
 from civil_rgbd.conversion.topics import LIVOX_TYPES, Topic, TopicTable, ask_which, plain_type
 from civil_rgbd.domain.motion import ImuReadings
 from civil_rgbd.domain.recording import RecordingNotes, RecordingOptions, SourceFile
@@ -88,6 +92,7 @@ class RosMotion:
         payloads: fetches messages.
         scans: the point clouds.
         point_time: how a PointCloud2's time field is to be read; None for clouds without.
+        salvage: go on without clouds that cannot be decoded; they are counted.
     """
 
     name: str
@@ -98,6 +103,7 @@ class RosMotion:
     payloads: Payloads
     scans: Stream
     point_time: PointTime | None
+    salvage: bool = False
 
     @property
     def scan_stamps_ns(self) -> NDArray[np.int64]:
@@ -113,14 +119,19 @@ class RosMotion:
         """Decode one LiDAR message.
 
         Raises:
-            RecordingError: the message breaks its own layout.
+            RecordingError: the message breaks its own layout, and is not to be left out.
         """
         payload = self.payloads.fetch(*self.scans.index.place(index))
         where = f"{self.sources[0].name}: {self.scans.topic}"
-        with decoding(f"point cloud {index}", where=where):
-            if self.is_livox:
-                return scan_from_livox(payload, in_map=False, read=self.scans.read)
-            return scan_from_cloud(payload, self.point_time, in_map=False, read=self.scans.read)
+        return decoded_scan(
+            self.scans,
+            payload,
+            index,
+            point_time=self.point_time,
+            in_map=False,
+            salvage=self.salvage,
+            where=where,
+        )
 
 
 def assemble_motion(opened: Opened, options: RecordingOptions) -> RosMotion:
@@ -136,7 +147,8 @@ def assemble_motion(opened: Opened, options: RecordingOptions) -> RosMotion:
     """
     table, where = opened.table, opened.where
     lidar = choose_lidar(table, options, where=where)
-    imu = _choose_imu(table, options, where).readings()
+    imu_topic = _choose_imu(table, options, where)
+    imu = cast("GatheredImu", imu_topic.gathered).readings()
     scans = stream_of(lidar)
     point_time = point_time_of_scans(opened, options, scans)
     if point_time is None:
@@ -149,16 +161,22 @@ def assemble_motion(opened: Opened, options: RecordingOptions) -> RosMotion:
     return RosMotion(
         name=opened.name,
         sources=opened.sources,
-        notes=opened.notes,
+        notes=_noted(opened.notes, [lidar, imu_topic, *table.of_role("tf")]),
         imu=imu,
         T_imu_lidar=_T_imu_lidar(options.rig, tf.fixed, imu.frame, lidar.gathered.frame),
         payloads=opened.payloads,
         scans=scans,
         point_time=None if point_time is LIVOX_TIME else point_time,
+        salvage=options.salvage,
     )
 
 
-def _choose_imu(table: TopicTable, options: RecordingOptions, where: object) -> GatheredImu:
+def _noted(notes: RecordingNotes, used: list[Topic]) -> RecordingNotes:
+    damaged, said = damage_of(used)
+    return replace(notes, warnings=notes.warnings + said, counts=notes.counts | damaged)
+
+
+def _choose_imu(table: TopicTable, options: RecordingOptions, where: object) -> Topic:
     found = table.of_role("imu")
     if options.imu_topic is not None:
         known = [topic.name for topic in found]
@@ -177,14 +195,8 @@ def _choose_imu(table: TopicTable, options: RecordingOptions, where: object) -> 
             where=where,
             fix=f"record {IMU_TYPE}, or compute poses with another tool and give --trajectory",
         )
-    gathered = found[0].gathered
-    if gathered.fault is not None:
-        raise RecordingError(
-            f"a message breaks its own layout: {gathered.fault}",
-            where=f"{where}: {found[0].name}",
-            fix="record it again, or choose another topic; a damaged file may also do this",
-        )
-    return gathered
+    refuse_faults(found[0], options, where)
+    return found[0]
 
 
 def _T_imu_lidar(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from civil_rgbd.constants import NS_PER_S
+from civil_rgbd.conversion.clocks import ascending
 from civil_rgbd.conversion.frame_tree import FrameTree
 from civil_rgbd.conversion.gathering import GatheredTransforms
 from civil_rgbd.errors import RecordingError
@@ -17,6 +18,27 @@ from civil_rgbd.geometry.transforms import matrix_from_quaternion, transform_fro
 
 _NORM_TOLERANCE: Final = 1e-3  # float32 and a few digits pass; a forgotten quaternion does not
 _STILL_TOLERANCE: Final = 1e-9
+
+
+def without_broken(
+    stamps_ns: NDArray[np.int64], poses: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64], dict[str, int]]:
+    """Leave out what damage may do to single poses.
+
+    Args:
+        stamps_ns: (P,) in message order.
+        poses: (P, 7) tx ty tz qx qy qz qw.
+
+    Returns:
+        stamps and poses of those that are poses and whose stamps ascend; how many are left out, by
+        reason. Where hardly any would stay, all of them: that is no damage.
+    """
+    proper = np.flatnonzero(_are_poses(poses))
+    kept = proper[ascending(stamps_ns[proper])]
+    counts = {"pose-broken": len(poses) - len(proper), "pose-stamp-astray": len(proper) - len(kept)}
+    if 2 * len(kept) < len(poses):
+        return stamps_ns, poses, {}
+    return stamps_ns[kept], poses[kept], {name: count for name, count in counts.items() if count}
 
 
 def trajectory_from(
@@ -33,17 +55,21 @@ def trajectory_from(
         RecordingError: stamps repeat or step back, or a pose is no pose.
     """
     _check_order(stamps_ns, where)
-    norms = _norms(poses)
-    bad = ~np.isfinite(poses).all(axis=1) | ~(np.abs(norms - 1) <= _NORM_TOLERANCE)
+    bad = ~_are_poses(poses)
     if bad.any():
         at = int(np.argmax(bad))
         raise RecordingError(
             f"pose {at} is no pose: translation {poses[at, :3].tolist()}, quaternion xyzw "
-            f"{poses[at, 3:].tolist()} of norm {norms[at]:.6g}",
+            f"{poses[at, 3:].tolist()} of norm {_norms(poses)[at]:.6g}",
             where=where,
-            fix="choose other poses with --pose-topic",
+            fix="choose other poses with --pose-topic, or leave out single ones: --salvage",
         )
     return Trajectory(stamps_ns, poses[:, :3].copy(), unit_quaternion(poses[:, 3:]))
+
+
+def _are_poses(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
+    proper: NDArray[np.bool_] = np.isfinite(poses).all(axis=1)
+    return proper & (np.abs(_norms(poses) - 1) <= _NORM_TOLERANCE)
 
 
 def _norms(poses: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -62,7 +88,8 @@ def _check_order(stamps_ns: NDArray[np.int64], where: object) -> None:
     raise RecordingError(
         f"pose {at} is stamped {_seconds(here)}, {relation} pose {at - 1} at {_seconds(before)}",
         where=where,
-        fix="choose other poses with --pose-topic, or record from one publisher only",
+        fix="choose other poses with --pose-topic, record from one publisher only, or leave out "
+        "single ones: --salvage",
     )
 
 

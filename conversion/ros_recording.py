@@ -53,6 +53,41 @@ class Stream:
     read: type[CdrReader] = CdrReader
 
 
+def decoded_scan(
+    scans: Stream,
+    payload: memoryview,
+    index: int,
+    *,
+    point_time: PointTime | None,
+    in_map: bool,
+    salvage: bool,
+    where: str,
+) -> LidarScan:
+    """Decode one LiDAR message.
+
+    Args:
+        scans: the topic.
+        payload: the message.
+        index: which of the topic's.
+        point_time: how a PointCloud2's time field is to be read.
+        in_map: its points are in the map frame already.
+        salvage: return a damaged one as a scan without points that says ``unreadable``.
+        where: file and topic, for errors.
+
+    Raises:
+        RecordingError: the message breaks its own layout, and is not to be left out.
+    """
+    try:
+        with decoding(f"point cloud {index}", where=where, fix=SALVAGE_FIX):
+            if scans.type_name == "sensor_msgs/PointCloud2":
+                return scan_from_cloud(payload, point_time, in_map=in_map, read=scans.read)
+            return scan_from_livox(payload, in_map=in_map, read=scans.read)
+    except RecordingError:
+        if not salvage:
+            raise
+    return LidarScan.lost(int(scans.index.stamps_ns[index]), in_map=in_map)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RosRecording:
     """An indexed ROS recording; fits :class:`civil_rgbd.domain.recording.Recording`.
@@ -107,24 +142,15 @@ class RosRecording:
             RecordingError: the message breaks its own layout, and is not to be left out.
         """
         payload = self.payloads.fetch(*self.scans.index.place(index))
-        try:
-            return self._scan(payload, index)
-        except RecordingError:
-            if not self.salvage:
-                raise
-        stamp_ns = int(self.scan_stamps_ns[index])
-        nothing = np.zeros((0, 3), dtype=np.float32)
-        return LidarScan(
-            stamp_ns, nothing, np.zeros(0, np.int64), in_map=self.in_map, unreadable=True
+        return decoded_scan(
+            self.scans,
+            payload,
+            index,
+            point_time=self.point_time,
+            in_map=self.in_map,
+            salvage=self.salvage,
+            where=self._where(self.scans),
         )
-
-    def _scan(self, payload: memoryview, index: int) -> LidarScan:
-        with decoding(f"point cloud {index}", where=self._where(self.scans), fix=SALVAGE_FIX):
-            if self.scans.type_name == "sensor_msgs/PointCloud2":
-                return scan_from_cloud(
-                    payload, self.point_time, in_map=self.in_map, read=self.scans.read
-                )
-            return scan_from_livox(payload, in_map=self.in_map, read=self.scans.read)
 
     def read_image(self, index: int) -> CameraImage:
         """Decode one image.

@@ -80,8 +80,7 @@ class ScanFiles:
         except RecordingError:
             if not self.salvage:
                 raise
-        nothing, no_stamps = np.zeros((0, 3), np.float32), np.zeros(0, np.int64)
-        return LidarScan(stamp_ns, nothing, no_stamps, in_map=self.in_map, unreadable=True)
+        return LidarScan.lost(stamp_ns, in_map=self.in_map)
 
 
 def open_recording(location: str | Path, options: RecordingOptions | None = None) -> Recording:

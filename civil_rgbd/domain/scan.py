@@ -31,6 +31,12 @@ class LidarScan:
     in_map: bool = False
     unreadable: bool = False
 
+    @classmethod
+    def lost(cls, stamp_ns: int, *, in_map: bool = False) -> LidarScan:
+        """Return what stands in for a message that is damaged and left out."""
+        nothing, no_stamps = np.zeros((0, 3), dtype=np.float32), np.zeros(0, dtype=np.int64)
+        return cls(stamp_ns, nothing, no_stamps, in_map=in_map, unreadable=True)
+
     def __post_init__(self) -> None:
         count = len(self.points)
         if self.points.shape != (count, 3):

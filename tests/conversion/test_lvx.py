@@ -238,6 +238,59 @@ class TestDamage:
         kept = opened(tmp_path, bytes(data), salvage=True).scans
         assert len(kept.read(0).points) == 192  # what lies before is whole
 
+    @pytest.mark.parametrize("field", [0, 8])
+    @pytest.mark.parametrize("lie", [1, 2**40, -30])
+    def test_frames_behind_a_broken_header_are_kept(
+        self, tmp_path: Path, field: int, lie: int
+    ) -> None:
+        data = bytearray(file_bytes(frames(6)))
+        starts = lvx_writer.frame_starts(data)
+        value = starts[4] + 30 if lie < 0 else lie
+        struct.pack_into("<Q", data, starts[2] + field, value)
+        kept = opened(tmp_path, bytes(data), salvage=True)
+        found = [kept.scans.read(at) for at in range(len(kept.scans.stamps_ns))]
+        whole = 6 if field else 5  # of a frame with a wrong end the points are still known
+        assert [len(scan.points) for scan in found] == [192] * whole
+        assert found[-1].stamp_ns == START_NS + 10 * 96 * INTERVAL_NS
+        assert kept.salvage is not None
+        assert "frame 2 " in kept.salvage
+
+    def test_a_hole_costs_the_frames_it_touches(self, tmp_path: Path) -> None:
+        data = bytearray(file_bytes(frames(6)))
+        starts = lvx_writer.frame_starts(data)
+        data[starts[2] + 900 : starts[3] + 100] = bytes(starts[3] - starts[2] - 800)
+        with pytest.raises(RecordingError, match="the recording is damaged") as caught:
+            opened(tmp_path, bytes(data))
+        assert "--salvage" in caught.value.fix
+        kept = opened(tmp_path, bytes(data), salvage=True).scans
+        assert len(kept.stamps_ns) in (4, 5)
+        assert len(kept.read(len(kept.stamps_ns) - 1).points) == 192
+
+    def test_a_stamp_that_is_astray_costs_its_frame(self, tmp_path: Path) -> None:
+        content = frames(6)
+        content[3] = [Packet(START_NS + 10**12, p.payload) for p in content[3]]
+        content[4][1] = Packet(START_NS + 10**13, content[4][1].payload)
+        with pytest.raises(RecordingError, match=r"clock changed|one frame spans") as caught:
+            opened(tmp_path, file_bytes(content))
+        assert "go on without the frames that do not fit: --salvage" in caught.value.fix
+        kept = opened(tmp_path, file_bytes(content), salvage=True)
+        assert len(kept.scans.stamps_ns) == 4
+        assert (np.diff(kept.scans.stamps_ns) > 0).all()
+        assert kept.counts == {"scan-stamp-astray": 2}
+        assert kept.salvage is not None
+        assert kept.scans.reach_ns[1] < 10**9
+
+    def test_a_frame_of_half_points_is_left_out_under_salvage(self, tmp_path: Path) -> None:
+        content = [[Packet(START_NS + f * 10**8, cartesian(xyz(96, f)), kind=1)] for f in range(3)]
+        content[1] = [Packet(START_NS + 10**8, cartesian(xyz(96, 1))[:-5], kind=1)]
+        data = file_bytes(content, second=True)
+        with pytest.raises(RecordingError, match="frame 1 breaks its own layout") as caught:
+            opened(tmp_path, data).scans.read(1)
+        assert "--salvage" in caught.value.fix
+        kept = opened(tmp_path, data, salvage=True).scans
+        assert kept.read(1).unreadable
+        assert len(kept.read(2).points) == 96
+
     def test_an_unknown_data_type_is_damage(self, tmp_path: Path) -> None:
         packets = frames(2)
         packets[1].append(Packet(START_NS + 10**6, b"\0" * 20, kind=77))

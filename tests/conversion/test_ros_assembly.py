@@ -483,6 +483,40 @@ def with_stamps(unit: float = 1.0, *, field: str = "timestamp") -> list[scene.Me
     return made
 
 
+def damaged_poses(
+    kind: str, stamps: list[int], poses: list[tuple[float, ...]]
+) -> list[scene.Message]:
+    """Poses as Odometry, as a link of tf, or as a Path that follows a whole one of half of them."""
+    at = [scene.stamp(i) for i in range(len(stamps))]
+    if kind == "path":
+        both = list(zip(stamps, poses, strict=True))
+        whole = [(scene.stamp(i), poses[0]) for i in range(10)]
+        return [
+            scene.Message("/path", "nav_msgs/msg/Path", at[k], messages.path(at[k], part))
+            for k, part in ((0, whole), (1, both))
+        ]
+    rows = list(zip(at, stamps, poses, strict=True))
+    if kind == "tf":
+        return [
+            scene.Message(
+                "/tf",
+                "tf2_msgs/msg/TFMessage",
+                log,
+                messages.transforms([(stamp, "odom", "lidar", pose)]),
+            )
+            for log, stamp, pose in rows
+        ]
+    return [
+        scene.Message(
+            scene.ODOM,
+            "nav_msgs/msg/Odometry",
+            log,
+            messages.odometry(stamp, pose, child="lidar", frame="odom"),
+        )
+        for log, stamp, pose in rows
+    ]
+
+
 class TestDamage:
     """Messages that break their layout inside a container that is whole."""
 
@@ -574,6 +608,55 @@ class TestDamage:
         assert "--point-time timestamp:UNIT:REFERENCE" in caught.value.fix
         ours = opened(tmp_path, parts, point_time="timestamp:ms:epoch")
         assert ours.notes.reading["point_time"] == "timestamp:ms:epoch"
+
+    @pytest.mark.parametrize("kind", ["odometry", "tf", "path"])
+    @pytest.mark.parametrize("how", ["norm", "nan", "later", "earlier", "same"])
+    def test_a_damaged_pose_is_said_or_left_out(self, tmp_path: Path, kind: str, how: str) -> None:
+        stamps = [scene.stamp(i) for i in range(scene.SCANS + 1)]
+        poses = [(0.1 * i, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0) for i in range(len(stamps))]
+        moved = {"later": 10**12, "earlier": -(10**12), "same": -scene.STEP_NS}.get(how, 0)
+        stamps[7] += moved
+        if not moved:
+            poses[7] = (0.7, 0, 0, 0, 0, 0, 2.0 if how == "norm" else float("nan"))
+        parts = scene.whole() | {"poses": damaged_poses(kind, stamps, poses)}
+        given = {"pose_of": "lidar"} if kind == "path" else {}
+        says = "is no pose" if not moved else "is stamped"
+        with pytest.raises(RecordingError, match=says) as caught:
+            opened(tmp_path, parts, **given)
+        assert "--salvage" in caught.value.fix
+
+        recording = opened(tmp_path, parts, salvage=True, **given)
+        left = len(recording.trajectory.stamps_ns)
+        if kind == "path" and moved:  # the first ten poses came in Paths of their own
+            assert recording.notes.counts == {"path-unordered": 1}
+            assert left == 10
+        else:
+            reason = "pose-stamp-astray" if moved else "pose-broken"
+            assert recording.notes.counts == {reason: 1}
+            assert left == len(stamps) - 1
+        assert any("damaged poses are left out" in said for said in recording.notes.warnings)
+
+    def test_poses_that_are_none_throughout_are_refused_even_under_salvage(
+        self, tmp_path: Path
+    ) -> None:
+        stamps = [scene.stamp(i) for i in range(scene.SCANS + 1)]
+        poses = [(0.1 * i, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0) for i in range(len(stamps))]
+        parts = scene.whole() | {"poses": damaged_poses("odometry", stamps, poses)}
+        with pytest.raises(RecordingError, match="pose 0 is no pose"):
+            opened(tmp_path, parts, salvage=True)
+
+    @pytest.mark.parametrize("part", ["scans", "poses"])
+    def test_a_garbled_frame_id_is_said_or_passed_over(self, tmp_path: Path, part: str) -> None:
+        parts = scene.whole()
+        garbled = {"scans": scene.scans(frame="lidaq"), "poses": scene.poses(child="lidaq")}
+        parts[part][3] = garbled[part][3]
+        with pytest.raises(RecordingError, match=r"several (child )?frames"):
+            opened(tmp_path, parts)
+        recording = opened(tmp_path, parts, salvage=True)
+        assert recording.rig.body == "lidar"
+        parts[part][6:12] = garbled[part][6:12]  # so many are no damage
+        with pytest.raises(RecordingError, match=r"several (child )?frames"):
+            opened(tmp_path, parts, salvage=True)
 
     def test_a_link_without_rotation_is_counted(self, tmp_path: Path) -> None:
         parts = scene.whole()

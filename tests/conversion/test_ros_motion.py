@@ -110,6 +110,34 @@ def test_a_reading_that_ends_early_is_refused(tmp_path: Path) -> None:
         opened(tmp_path, imu=imu(short=True))
 
 
+@pytest.mark.parametrize("at", [0, 7])
+@pytest.mark.parametrize("length", [10, 200])
+def test_a_cut_reading_is_said_or_left_out(tmp_path: Path, at: int, length: int) -> None:
+    readings = imu()
+    readings[at] = readings[at]._replace(payload=readings[at].payload[:length])
+    with pytest.raises(RecordingError, match="1 of 40 messages are damaged") as caught:
+        opened(tmp_path, imu=readings)
+    assert "--salvage" in caught.value.fix
+
+    found = opened(tmp_path, RecordingOptions(salvage=True), imu=readings)
+    assert len(found.imu.stamps_ns) == 39
+    assert found.imu.frame == "imu_frame"
+    assert found.notes.counts == {"message-damaged": 1}
+    assert any(said.startswith(f"{IMU}: 1 of 40") for said in found.notes.warnings)
+
+
+def test_a_cut_cloud_is_said_or_a_scan_without_points(tmp_path: Path) -> None:
+    clouds = livox()
+    clouds[1] = clouds[1]._replace(payload=clouds[1].payload[:-10])
+    with pytest.raises(RecordingError, match="point cloud 1 breaks its own layout") as caught:
+        opened(tmp_path, lidar=clouds).read_scan(1)
+    assert "--salvage" in caught.value.fix
+
+    found = opened(tmp_path, RecordingOptions(salvage=True), lidar=clouds)
+    assert found.read_scan(1).unreadable
+    assert len(found.read_scan(2).points) == 5
+
+
 def test_clouds_without_point_times_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="have no point times, and odometry needs") as info:
         opened(tmp_path, lidar=scene.scans())

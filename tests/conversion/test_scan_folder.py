@@ -287,3 +287,45 @@ class TestWhatDoesNotFit:
         with pytest.raises(RecordingError, match="no column 'x'; its columns are 'a'") as caught:
             opened(tmp_path).read_scan(1)
         assert caught.value.where.endswith("2.pcd")
+
+
+class TestBrokenScans:
+    """One file of many is cut: said, or left out and counted."""
+
+    @pytest.mark.parametrize("at", [0, 5])
+    def test_without_salvage_the_file_is_named_and_so_is_the_option(
+        self, tmp_path: Path, at: int
+    ) -> None:
+        path = folder_of_scans(tmp_path) / f"{at + 1}.pcd"
+        path.write_bytes(path.read_bytes()[:-40])
+        with pytest.raises(RecordingError, match="the scan breaks its own layout") as caught:
+            opened(tmp_path).read_scan(at)
+        assert caught.value.where == str(path)
+        assert "--salvage" in caught.value.fix
+
+    @pytest.mark.parametrize("at", [0, 5])
+    def test_under_salvage_it_is_a_scan_without_points(self, tmp_path: Path, at: int) -> None:
+        path = folder_of_scans(tmp_path) / f"{at + 1}.pcd"
+        path.write_bytes(path.read_bytes()[:-40])
+        recording = opened(tmp_path, salvage=True)
+        scan = recording.read_scan(at)
+        assert (len(scan.points), scan.unreadable) == (0, True)
+        assert scan.stamp_ns == recording.scan_stamps_ns[at]
+        assert not recording.read_scan(at + 1).unreadable
+
+    def test_a_folder_without_a_whole_scan_is_refused_even_under_salvage(
+        self, tmp_path: Path
+    ) -> None:
+        for path in folder_of_scans(tmp_path).glob("*.pcd"):
+            path.write_bytes(b"# .PCD v0.7\n")
+        with pytest.raises(RecordingError, match="the scan breaks its own layout"):
+            opened(tmp_path, salvage=True)
+
+    def test_a_wrong_unit_shows_when_opened(self, tmp_path: Path) -> None:
+        scans = folder_of_scans(tmp_path)
+        columns = {name: np.ones(5, np.float32) for name in "xyz"}
+        columns |= {"time": np.full(5, 1e4, np.float32)}
+        (scans / "1.pcd").write_bytes(pcd_bytes(columns))
+        with pytest.raises(RecordingError, match="are more than 1 s from their header") as caught:
+            opened(tmp_path, salvage=True)
+        assert "--point-time" in caught.value.fix
