@@ -22,7 +22,8 @@ from civil_rgbd.format.layout import BRIDGES, DEFECTS, MANIFEST, PARTIAL
 from civil_rgbd.format.manifest import manifest_to_document, read_manifest
 from civil_rgbd.pipeline.prepare import local_origin
 
-_IDENTITY = "build.json"
+IDENTITY = "build.json"
+"""Inside the partial folder: what must be equal for the build to be gone on with."""
 
 
 def require_free_id(dataset: Path, bridge_id: str) -> None:
@@ -76,13 +77,13 @@ def prepare_partial(partial: Path, identity: Mapping[str, object], *, overwrite:
         for folder in (DONE, BRIDGE):
             (partial / folder).mkdir(parents=True, exist_ok=True)
     if found is None:
-        with whole_file(partial / _IDENTITY) as scratch:
+        with whole_file(partial / IDENTITY) as scratch:
             scratch.write_text(json.dumps(identity), encoding="utf-8")
 
 
 def _found_identity(partial: Path) -> dict[str, object] | None:
     try:
-        document = json.loads((partial / _IDENTITY).read_text("utf-8"))
+        document = json.loads((partial / IDENTITY).read_text("utf-8"))
     except (OSError, ValueError):
         return None  # none, or cut off by a power failure: nothing to go on with
     return document if isinstance(document, dict) else None

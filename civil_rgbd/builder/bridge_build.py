@@ -28,7 +28,7 @@ from civil_rgbd.builder.plan import Chunk, chunks_of, plan_frames
 from civil_rgbd.builder.provenance import build_identity
 from civil_rgbd.builder.publish import publish
 from civil_rgbd.builder.report import BuildReport, ShareReport
-from civil_rgbd.builder.shares import Share
+from civil_rgbd.builder.shares import Division, Share, write_division
 from civil_rgbd.domain.bridge import BridgeInfo, Manifest
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
@@ -88,6 +88,7 @@ class BridgeBuild:
         facts: what publishing needs.
         folder: where the bridge will be.
         whole: the manifest of a bridge that was there already, as wanted.
+        place: the bridge's place among all, from 0, and how many there are.
         part: which frames are to be made here, as indices of the plan: first, and after the last.
         records: chunks that are made.
         frames_found: frames that an earlier build had made.
@@ -99,6 +100,7 @@ class BridgeBuild:
     manner: Manner
     recording: Recording
     whole: Manifest | None
+    place: tuple[int, int]
     part: tuple[int, int]
     records: list[ChunkRecord]
     frames_found: int
@@ -211,6 +213,7 @@ def begin(order: Order, manner: Manner, *, place: tuple[int, int]) -> BridgeBuil
         manner=manner,
         recording=recording,
         whole=None,
+        place=place,
         part=_part(manner.share, len(plan.frames), place),
         records=[],
         frames_found=0,
@@ -254,6 +257,8 @@ def _take(build: BridgeBuild, check: Callable[[], None]) -> None:
                 build.locks.enter_context(folder_lock(partial, shared=True))
             prepare_partial(partial, identity, overwrite=manner.overwrite and manner.share is None)
             write_facts(partial, build.facts)
+            if manner.share is not None:
+                write_division(partial, Division(manner.share.of, *build.place))
         elif manner.share is None:
             remove_left_over(partial, identity)  # a kill came after the bridge had appeared
     if build.whole is None:

@@ -12,6 +12,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
+from civil_rgbd.builder.bridge import IDENTITY
 from civil_rgbd.builder.chunks import Job, run_chunk
 from civil_rgbd.builder.executors import (
     Event,
@@ -107,7 +108,7 @@ def _refuse_other_files(job: Job) -> None:
 
 def _still_wanted(job: Job) -> Callable[[], None]:
     """Return what stops a chunk when its build was thrown away: nobody could tell this worker."""
-    path = job.partial / "build.json"
+    path = job.partial / IDENTITY
     before = path.read_bytes()
 
     def look() -> None:

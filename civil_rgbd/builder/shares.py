@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
+import json
 import re
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
 
 from civil_rgbd.errors import UsageError
+from civil_rgbd.format.atomic import whole_file
+
+_DIVISION: Final = "division-"
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,3 +90,38 @@ def share_from(text: str) -> Share:
             fix="give part and number of parts, for example --chunk 3/8 for the third of eight",
         )
     return Share(int(found[1]), int(found[2]))
+
+
+@dataclass(frozen=True, slots=True)
+class Division:
+    """How a bridge was divided among jobs: what its parts can be counted from.
+
+    Attributes:
+        of: how many parts there are.
+        bridge: the bridge's place among all, from 0.
+        bridges: how many there are.
+    """
+
+    of: int
+    bridge: int
+    bridges: int
+
+
+def write_division(partial: Path, division: Division) -> None:
+    """Remember how an unfinished bridge is divided; all its jobs write the same.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    with whole_file(partial / f"{_DIVISION}{division.of}.json") as scratch:
+        scratch.write_text(json.dumps(dataclasses.asdict(division)), encoding="utf-8")
+
+
+def read_divisions(partial: Path) -> list[Division]:
+    """Return how an unfinished bridge was divided, the latest division last."""
+    found = sorted(partial.glob(f"{_DIVISION}*.json"), key=lambda path: path.stat().st_mtime_ns)
+    divisions = []
+    for path in found:
+        with contextlib.suppress(OSError, ValueError, TypeError):  # it only helps to say what lacks
+            divisions.append(Division(**json.loads(path.read_text("utf-8"))))
+    return divisions

@@ -1,0 +1,145 @@
+"""Join what the jobs of an array have made: ``civil-rgbd finish``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from civil_rgbd.builder.bridge import IDENTITY, find_whole, remove_if_empty
+from civil_rgbd.builder.chunks import finished_chunks
+from civil_rgbd.builder.facts import Facts, read_facts
+from civil_rgbd.builder.publish import missing_frames, publish
+from civil_rgbd.builder.report import BuildReport, Outcome, SurveyReport
+from civil_rgbd.builder.shares import Share, read_divisions
+from civil_rgbd.domain.bridge import Manifest
+from civil_rgbd.domain.recording import RecordingNotes
+from civil_rgbd.errors import BridgeFailedError, CivilRgbdError, UsageError
+from civil_rgbd.format.atomic import folder_lock, recover_folder
+from civil_rgbd.format.datasets import refresh_dataset
+from civil_rgbd.format.layout import BRIDGES, PARTIAL
+
+_SHOWN: int = 20
+
+
+def unfinished(dataset: Path) -> tuple[str, ...]:
+    """Return the ids of the bridges that are begun and not published, sorted."""
+    partial = dataset / PARTIAL
+    if not partial.is_dir():
+        return ()
+    return tuple(sorted(e.name for e in partial.iterdir() if (e / IDENTITY).is_file()))
+
+
+def finish_bridges(
+    dataset: Path, bridge_ids: Sequence[str] = (), *, overwrite: bool = False
+) -> SurveyReport:
+    """Publish the bridges whose parts are all made. No recording is needed: parts left the plan.
+
+    Args:
+        dataset: the dataset folder.
+        bridge_ids: which bridges; () for all that are begun.
+        overwrite: replace a bridge that was made otherwise.
+
+    Returns:
+        what became of each: one with missing parts failed.
+
+    Raises:
+        UsageError: there is nothing to join, or a bridge was never begun.
+    """
+    started = time.monotonic()
+    begun = unfinished(dataset)
+    for bridge_id in bridge_ids:
+        if bridge_id not in begun:
+            raise UsageError(
+                f"no unfinished bridge {bridge_id!r} lies here",
+                where=dataset,
+                fix=f"begun and not published: {', '.join(begun) or 'none'}",
+            )
+    if not begun:
+        raise UsageError(
+            "no unfinished bridge lies here",
+            where=dataset,
+            fix="make the parts first: civil-rgbd build --chunk 1/8 ..., then --chunk 2/8, ...",
+        )
+    outcomes = []
+    for bridge_id in bridge_ids or begun:
+        try:
+            report = _finish(dataset, bridge_id, overwrite=overwrite)
+            outcomes.append(Outcome(bridge_id, report=report))
+        except CivilRgbdError as error:
+            outcomes.append(Outcome(bridge_id, error=error))
+    remove_if_empty(dataset / PARTIAL)
+    return SurveyReport(tuple(outcomes), time.monotonic() - started)
+
+
+def _finish(dataset: Path, bridge_id: str, *, overwrite: bool) -> BuildReport:
+    started = time.monotonic()
+    partial, folder = dataset / PARTIAL / bridge_id, dataset / BRIDGES / bridge_id
+    with folder_lock(partial):
+        recover_folder(folder)
+        facts = read_facts(partial)
+        # The same bridge is there only where somebody built it whole beside the parts.
+        find_whole(folder, facts.manifest, overwrite=overwrite)
+        records = finished_chunks(partial)
+        missing = missing_frames(facts, records)
+        if missing:
+            _refuse_missing(partial, facts, missing)
+        manifest = publish(partial, folder, facts, records)
+        refresh_dataset(dataset)
+    return _report(manifest, folder, time.monotonic() - started)
+
+
+def _report(manifest: Manifest, folder: Path, seconds: float) -> BuildReport:
+    return BuildReport(
+        bridge_id=folder.name,
+        folder=folder,
+        recipe=manifest.recipe.name if manifest.recipe else "none",
+        counts=manifest.counts,
+        notes=RecordingNotes(salvage=manifest.salvage, warnings=manifest.warnings),
+        licence=manifest.info.licence,
+        seconds=seconds,
+        frames_found=manifest.counts.frames_kept,
+        already_whole=False,
+    )
+
+
+def _refuse_missing(partial: Path, facts: Facts, missing: Sequence[int]) -> None:
+    parts = _missing_parts(partial, facts, missing)
+    frames = ", ".join(_runs(missing, facts.planned)[:_SHOWN])
+    named = f"parts {', '.join(parts[:_SHOWN])} are missing: " if parts else ""
+    raise BridgeFailedError(
+        f"{named}{len(missing)} of {len(facts.planned)} frames are not made: {frames}",
+        where=partial,
+        fix="run these parts again, each with the command that it had: "
+        + " ".join(f"--chunk {part}" for part in parts[:_SHOWN])
+        if parts
+        else "run the build again: it makes what is missing",
+    )
+
+
+def _missing_parts(partial: Path, facts: Facts, missing: Sequence[int]) -> list[str]:
+    """Name the parts that would make the missing frames, for the division that was used."""
+    places = {index: place for place, index in enumerate(facts.planned)}
+    wanted = {places[index] for index in missing}
+    parts: list[str] = []
+    for division in read_divisions(partial)[-1:]:
+        for number in range(1, division.of + 1):
+            share = Share(number, division.of)
+            first, stop = share.frames_of(
+                len(facts.planned), bridge=division.bridge, bridges=division.bridges
+            )
+            if any(place in wanted for place in range(first, stop)):
+                parts.append(str(share))
+    return parts
+
+
+def _runs(missing: Sequence[int], planned: Sequence[int]) -> list[str]:
+    """Say frames in words, neighbours of the plan together."""
+    absent, runs, first, last = set(missing), [], None, 0
+    for index in [*planned, None]:
+        if index is not None and index in absent:
+            first, last = (index if first is None else first), index
+        elif first is not None:
+            runs.append(f"{first:06d}" if first == last else f"{first:06d} to {last:06d}")
+            first = None
+    return runs
