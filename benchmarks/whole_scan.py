@@ -24,7 +24,7 @@ from civil_rgbd.builder.recipes import load_recipe
 from civil_rgbd.builder.run import BuildOptions, build_bridge
 from civil_rgbd.converters import open_recording
 from civil_rgbd.domain.bridge import BridgeInfo
-from civil_rgbd.simulator.mcap_file import write_recording
+from civil_rgbd.simulator.recorder import write_recording
 from civil_rgbd.simulator.spec import ScanSpec
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
