@@ -26,6 +26,7 @@ FILES: Final = (
     "bridge_info",
     "recipe",
     "rig",
+    "survey",
     "registry",
 )
 """The schemas, in the order of the page."""

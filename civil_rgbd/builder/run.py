@@ -19,6 +19,7 @@ from civil_rgbd.builder.executors import (
     Finished,
     Placement,
     Task,
+    processors,
     use_one_thread,
 )
 from civil_rgbd.builder.report import BuildReport, Outcome, ShareReport, SurveyReport
@@ -41,7 +42,7 @@ class BuildOptions:
 
     Attributes:
         workers: chunks at once; None = one a processor, or what a cluster has.
-        executor: ``serial``, ``processes`` or ``dask``; None = by the number of workers.
+        executor: ``serial``, ``processes`` or ``dask``; None = one of the first two.
         scheduler: address of a running Dask scheduler; None = a local cluster.
         share: make this part only, and publish nothing.
         overwrite: replace a bridge or an unfinished build that was made otherwise.
@@ -195,12 +196,19 @@ class _Run:
 
     def _executor(self) -> Executor:
         options = self._options
-        name = options.executor or ("serial" if options.workers == 1 else "processes")
+        name = options.executor or self._usual_executor()
         return EXECUTORS[name](
             [build.job for build in self._builds],
             Placement(name, options.workers, options.scheduler),
             self._tell,
         )
+
+    def _usual_executor(self) -> str:
+        workers = self._options.workers or processors()
+        unmade = [build for build in self._builds if build.folder.name not in self._outcomes]
+        chunks = sum(len(build.chunks(workers=workers)) for build in unmade)
+        # A process for one chunk alone would only cost its start.
+        return "serial" if workers == 1 or chunks < 2 else "processes"
 
     def _is_wanted(self, number: int) -> bool:
         return self._builds[number].folder.name not in self._outcomes

@@ -19,6 +19,7 @@ COMMANDS: Final = {
     "convert": "Take over a set that others rendered, as a bridge folder.",
     "download": "Fetch an accepted bridge, verified.",
     "export": "Write bridges in the layouts that other programs read.",
+    "finish": "Join the parts of a build that were made one by one.",
     "info": "Say what a dataset or bridge holds.",
     "inspect-recording": "Say what a raw recording holds, and what it lacks for a build.",
     "new-bridge": "Say what a contributed bridge is: place, owner, consent, licence.",

@@ -1,17 +1,21 @@
-"""``civil-rgbd build``: a raw recording in, a bridge folder out."""
+"""``civil-rgbd build``: raw recordings in, bridge folders out."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from civil_rgbd.cli.beside import options_of_recording, read_beside
+from civil_rgbd.cli.beside import options_of_recording
 from civil_rgbd.cli.bridge_info import options_of_bridge, read_bridge_info
+from civil_rgbd.cli.execution import options_from, options_of_execution
+
+if TYPE_CHECKING:
+    from civil_rgbd.domain.bridge import BridgeInfo
 
 
 @click.command("build")
@@ -32,19 +36,19 @@ from civil_rgbd.cli.bridge_info import options_of_bridge, read_bridge_info
     help="Change one key of the recipe; may be given again.",
 )
 @click.option(
-    "--bridge", "bridge_id", metavar="ID", help="The bridge's id  [default: the file's stem]"
+    "--bridge",
+    "bridge_id",
+    metavar="ID",
+    help="The bridge's id  [default: the file's stem]; of a survey, the only bridge to build",
 )
 @options_of_bridge
-@click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    metavar="N",
-    help="Processes  [default: one a processor]",
-)
+@options_of_execution
 @click.option("--overwrite", is_flag=True, help="Replace a bridge that was made otherwise.")
 @options_of_recording
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
-def command(
+@click.pass_context
+def command(  # the options of a build are many: most are handed on as they are
+    context: click.Context,
     sources: tuple[str, ...],
     *,
     recipe_name: str,
@@ -54,6 +58,9 @@ def command(
     bridge_info: Path | None,
     licence: str | None,
     workers: int | None,
+    executor: str | None,
+    scheduler: str | None,
+    chunk: str | None,
     overwrite: bool,
     as_json: bool,
     rig_path: Path | None,
@@ -61,47 +68,54 @@ def command(
 ) -> None:
     """Build a bridge folder from SOURCE, a raw recording; or from its files, in order.
 
-    Without SOURCE a small simulated scan of a girder bridge is built. A build that was stopped is
-    gone on with by the same command.
+    SOURCE may be a survey, a .toml file that names many recordings: see docs/format.md. Without
+    SOURCE a small simulated scan of a girder bridge is built. A build that was stopped is gone on
+    with by the same command.
     """
     import json
 
-    from civil_rgbd.builder.bridge import require_free_id
     from civil_rgbd.builder.recipes import load_recipe, overrides_of
-    from civil_rgbd.builder.run import BuildOptions, build_bridge
+    from civil_rgbd.builder.run import build_bridges, only_report
+    from civil_rgbd.cli.orders import order_of, orders_of_survey, refuse_beside_survey
     from civil_rgbd.cli.progress import frame_bar
-    from civil_rgbd.converters import open_recording
-    from civil_rgbd.domain.bridge import BridgeInfo
-    from civil_rgbd.domain.recording import RecordingOptions
-    from civil_rgbd.domain.rig import RigFile
-    from civil_rgbd.trajectories.rig import read_rig
 
     recipe = load_recipe(recipe_name, settings)
-    location = sources[0] if sources else _demo_recording()
+    options = options_from(workers=workers, executor=executor, scheduler=scheduler, chunk=chunk)
+    options = replace(options, overwrite=overwrite, overrides=overrides_of(settings))
+    is_survey = len(sources) == 1 and sources[0].lower().endswith(".toml")
+    if is_survey:
+        refuse_beside_survey(context, ["bridge_info", "licence", "rig_path", *recording_options])
+        orders = orders_of_survey(Path(sources[0]), only=bridge_id)
+    else:
+        info = _info(sources, bridge_id, dataset, bridge_info=bridge_info, licence=licence)
+        files = sources or (_demo_recording(),)
+        orders = [order_of(files, info, rig_path=rig_path, reading=recording_options)]
+    title = Path(sources[0]).stem if is_survey else orders[0].info.bridge_id
+    with frame_bar(title) as on_progress, _saying_what_is_kept():
+        report = build_bridges(orders, recipe, dataset, replace(options, on_progress=on_progress))
+    done = report if is_survey else only_report(report)
+    print(json.dumps(done.to_document(), indent=2) if as_json else done.to_text())
+    context.exit(1 if report.failed else 0)
+
+
+def _info(
+    sources: tuple[str, ...],
+    bridge_id: str | None,
+    dataset: Path,
+    *,
+    bridge_info: Path | None,
+    licence: str | None,
+) -> BridgeInfo:
+    """Gather what is said of the one bridge; its id comes from the file where nobody gave one."""
+    from civil_rgbd.builder.bridge import require_free_id
+    from civil_rgbd.domain.bridge import BridgeInfo
+
     bridge_id = bridge_id or (Path(sources[0]).stem if sources else "demo")
     require_free_id(dataset, bridge_id)
     unsaid = BridgeInfo(bridge_id)
     if not sources:
         unsaid = BridgeInfo(bridge_id, licence="CC0-1.0", name="Simulated girder bridge")
-    info = read_bridge_info(bridge_info, licence=licence, otherwise=unsaid)
-    rig = read_rig(rig_path) if rig_path else RigFile()
-    options = RecordingOptions(rig=rig, **read_beside(recording_options))
-    options = replace(options, more_files=tuple(map(Path, sources[1:])))
-    recording = open_recording(location, options)
-    with frame_bar(info.bridge_id) as on_progress, _saying_what_is_kept():
-        report = build_bridge(
-            recording,
-            recipe,
-            dataset,
-            info,
-            BuildOptions(
-                workers=workers or _processors(),
-                overwrite=overwrite,
-                overrides=overrides_of(settings),
-                on_progress=on_progress,
-            ),
-        )
-    print(json.dumps(report.to_document(), indent=2) if as_json else report.to_text())
+    return read_bridge_info(bridge_info, licence=licence, otherwise=unsaid)
 
 
 @contextmanager
@@ -118,10 +132,3 @@ def _demo_recording() -> str:
 
     click.echo("no source given: building the simulated demo bridge", err=True)
     return str(cached_demo_recording())
-
-
-def _processors() -> int:
-    # The processors that this process may use: a job on a cluster has fewer than the machine.
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

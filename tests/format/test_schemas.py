@@ -21,6 +21,7 @@ KINDS = [
     "frames",
     "bridge_info",
     "registry",
+    "survey",
 ]
 
 
