@@ -83,7 +83,7 @@ def read_model_file(path: Path) -> SavedModel:
         FormatError: it is no such file, or a newer one, or damaged.
         UsageError: there is no such file.
     """
-    document = _read_tensors(path)
+    document = read_tensors(path)
     version = document.get("civil_rgbd_model")
     if not isinstance(version, int):
         raise FormatError(
@@ -114,7 +114,7 @@ def load_weights(model: TorchDepthModel, path: Path) -> None:
         FormatError: it is damaged, or its tensors are not those of the model.
         MissingExtraError: a ``.safetensors`` file, and safetensors is not installed.
     """
-    load_into(model, weights_of(_read_tensors(path), where=path), where=path)
+    load_into(model, weights_of(read_tensors(path), where=path), where=path)
 
 
 def weights_of(document: Mapping[str, Any], *, where: object) -> dict[str, Tensor]:
@@ -184,7 +184,14 @@ def _some(names: list[str]) -> str:
     return shown if len(names) <= _SHOWN else f"{shown} and {len(names) - _SHOWN} more"
 
 
-def _read_tensors(path: Path) -> Mapping[str, Any]:
+def read_tensors(path: Path) -> Mapping[str, Any]:
+    """Read a file of ``torch.save`` or safetensors, running no code of it.
+
+    Raises:
+        UsageError: there is no such file.
+        FormatError: it is damaged, or holds more than tensors, numbers and words.
+        MissingExtraError: a ``.safetensors`` file, and safetensors is not installed.
+    """
     if not path.is_file():
         raise UsageError("there is no such file", where=path, fix="check the path")
     if path.suffix == ".safetensors":

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, Protocol, cast, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.errors import FormatError, UsageError
+from civil_rgbd.errors import FormatError, MissingExtraError, UsageError
 from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.resources import nearest
 
@@ -99,7 +99,7 @@ def load_model(location: str | Path, **options: object) -> DepthModel | StoredDe
     known = _factories()
     name, colon, argument = text.partition(":")
     if name in known:
-        return _made(known[name].load(), text, [argument] if colon else [], options)
+        return _made(_loaded(known[name]), text, [argument] if colon else [], options)
     file, colon, attribute = text.rpartition(":")
     if colon and file.endswith(".py"):
         return _made(_attribute_of(Path(file), attribute), text, [], options)
@@ -146,6 +146,23 @@ def _factories() -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=ENTRY_POINT_GROUP)}
 
 
+def _loaded(point: EntryPoint) -> ModelFactory:
+    try:
+        return cast("ModelFactory", point.load())
+    except ModuleNotFoundError as error:
+        raise _missing(error, where=f"model {point.name}") from error
+
+
+def _missing(error: ModuleNotFoundError, *, where: object) -> MissingExtraError:
+    extra = "zoe" if error.name == "transformers" else "train"
+    ours = error.name in {"torch", "transformers"}
+    return MissingExtraError(
+        f"the model needs {error.name}, which is not installed",
+        where=where,
+        fix=f'pip install "civil-rgbd[{extra}]"' if ours else f"pip install {error.name}",
+    )
+
+
 def _made(
     factory: ModelFactory, where: str, arguments: list[str], options: Mapping[str, object]
 ) -> DepthModel | StoredDepth:
@@ -176,7 +193,10 @@ def _attribute_of(file: Path, attribute: str) -> ModelFactory:
     if spec is None or spec.loader is None:
         raise UsageError("the file is no Python module", where=file, fix="give a .py file")
     module = module_from_spec(spec)
-    spec.loader.exec_module(module)
+    try:
+        spec.loader.exec_module(module)
+    except ModuleNotFoundError as error:
+        raise _missing(error, where=file) from error
     if not callable(getattr(module, attribute, None)):
         raise UsageError(
             f"the file defines no class or function {attribute!r}",
@@ -201,8 +221,10 @@ def _from_run(
     if not file.is_file():
         kind = f"the folder holds no {MODEL_FILE}" if path.is_dir() else "there is no such model"
         raise UsageError(f"{kind}: {str(path)!r}", where=path, fix=nearest(path.name, known))
-    from civil_rgbd.baselines.checkpoints import load_into, read_model_file
-
+    try:
+        from civil_rgbd.baselines.checkpoints import load_into, read_model_file
+    except ModuleNotFoundError as error:
+        raise _missing(error, where=file) from error
     saved = read_model_file(file)
     if saved.name not in known:
         raise UsageError(
@@ -210,6 +232,6 @@ def _from_run(
             where=file,
             fix=f"install the package that brings it. {nearest(saved.name, known)}",
         )
-    model = _made(known[saved.name].load(), str(file), [], {**saved.options, **options})
+    model = _made(_loaded(known[saved.name]), str(file), [], {**saved.options, **options})
     load_into(cast("TorchDepthModel", model), saved.weights, where=file)
     return model
