@@ -16,6 +16,7 @@ from civil_rgbd.format.layout import BRIDGES, MANIFEST, bridge_folders
 from civil_rgbd.format.manifest import read_manifest
 from civil_rgbd.format.reader import read_bridge
 from civil_rgbd.resources import nearest
+from civil_rgbd.storage.places import is_remote, place_of
 from civil_rgbd.validation.report import Report
 
 PLACEHOLDER = "https://example.org/put-the-address-here"
@@ -50,7 +51,15 @@ def bridge_to_pack(location: Path, bridge_id: str | None) -> Path:
         FormatError: there is none.
         UsageError: there are several and none is named, or the named one is not there.
     """
-    folders = bridge_folders(location)
+    if is_remote(place_of(location)):
+        raise UsageError(
+            "a submission is packed from a folder of this machine",
+            where=place_of(location),
+            fix=f"copy it here first: `aws s3 sync {place_of(location)} FOLDER`",
+        )
+    folders = {
+        n: folder for n, folder in bridge_folders(location).items() if isinstance(folder, Path)
+    }
     if bridge_id is not None:
         if bridge_id not in folders:
             raise UsageError(

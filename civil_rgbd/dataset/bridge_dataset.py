@@ -6,7 +6,6 @@ import itertools
 import operator
 import os
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from civil_rgbd.dataset.samples import read_sample, read_window, stop_decoder_th
 from civil_rgbd.dataset.splits import FrameChoice
 from civil_rgbd.dataset.transforms import Transform
 from civil_rgbd.errors import UsageError
+from civil_rgbd.storage.places import place_of
 
 
 class BridgeDataset(Dataset[dict[str, Any]]):
@@ -39,7 +39,7 @@ class BridgeDataset(Dataset[dict[str, Any]]):
     so workers share nothing: fork and spawn both do.
 
     Args:
-        location: a dataset folder or one bridge folder.
+        location: a dataset folder or one bridge folder; may be a URL such as ``s3://sets/all``.
         bridges: id or ids of bridges; None for all.
         split: name of a split in ``dataset.json``; None for all frames.
         frames: frame ids, in any of the bridges, or frame ids by bridge; None for all.
@@ -60,7 +60,7 @@ class BridgeDataset(Dataset[dict[str, Any]]):
         transform: Transform | None = None,
     ) -> None:
         stop_decoder_threads()
-        self._index = read_index(Path(location), bridges=bridges, split=split, frames=frames)
+        self._index = read_index(place_of(location), bridges=bridges, split=split, frames=frames)
         self._transform = transform
 
     @property
@@ -94,7 +94,7 @@ class BridgeSequenceDataset(Dataset[dict[str, Any]]):
     bridge, nor over a frame that the choice leaves out, nor over a pause longer than ``max_gap_s``.
 
     Args:
-        location: a dataset folder or one bridge folder.
+        location: a dataset folder or one bridge folder; may be a URL such as ``s3://sets/all``.
         length: frames in a window.
         stride: frames from the start of a window to the start of the next.
         max_gap_s: the longest time between two neighbours; None for no limit.
@@ -127,7 +127,7 @@ class BridgeSequenceDataset(Dataset[dict[str, Any]]):
                 fix="give a length and a stride of at least 1",
             )
         stop_decoder_threads()
-        self._index = read_index(Path(location), bridges=bridges, split=split, frames=frames)
+        self._index = read_index(place_of(location), bridges=bridges, split=split, frames=frames)
         self._length = length
         self._transform = transform
         runs = _unbroken_runs(self._index, max_gap_s=max_gap_s)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +28,7 @@ from civil_rgbd.format.layout import DATASET, MANIFEST, bridge_folders, is_bridg
 from civil_rgbd.format.manifest import read_manifest
 from civil_rgbd.format.reader import Bridge, read_bridge
 from civil_rgbd.geometry.transforms import matrix_from_quaternion, transform_from
+from civil_rgbd.storage.places import Place
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +50,7 @@ class FrameIndex:
     """
 
     bridges: tuple[str, ...]
-    folders: tuple[Path, ...]
+    folders: tuple[Place, ...]
     sizes_px: NDArray[np.int32]
     intrinsics: NDArray[np.float32]
     bridge_numbers: NDArray[np.int32]
@@ -67,7 +67,7 @@ class FrameIndex:
 
 
 def read_index(
-    location: Path,
+    location: Place,
     *,
     bridges: str | Iterable[str] | None = None,
     split: str | None = None,
@@ -111,7 +111,7 @@ def read_index(
     return _joined(kept)
 
 
-def _folders_by_id(location: Path) -> dict[str, Path]:
+def _folders_by_id(location: Place) -> dict[str, Place]:
     if is_bridge(location):  # a bridge folder that was renamed still knows its id
         return {read_manifest(location / MANIFEST).info.bridge_id: location}
     folders = bridge_folders(location)
@@ -124,7 +124,7 @@ def _folders_by_id(location: Path) -> dict[str, Path]:
     return folders
 
 
-def _split_of(location: Path, split: str) -> Split:
+def _split_of(location: Place, split: str) -> Split:
     if is_bridge(location):
         raise UsageError(
             f"split={split!r} needs a dataset; this is one bridge folder",

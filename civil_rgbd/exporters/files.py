@@ -40,7 +40,10 @@ def copy_image(bridge: Bridge, row: FrameRow, destination: Path) -> Path:
     source = bridge.folder / row.rgb_path
     target = destination.with_name(destination.name + source.suffix)
     target.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(source, target)
+    if isinstance(source, Path):
+        shutil.copyfile(source, target)
+    else:
+        target.write_bytes(source.read_bytes())
     return target
 
 

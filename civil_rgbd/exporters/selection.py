@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 from civil_rgbd.domain.frame import FrameRow
@@ -13,6 +12,7 @@ from civil_rgbd.format.datasets import ALL_FRAMES, read_dataset
 from civil_rgbd.format.layout import DATASET, bridge_folders
 from civil_rgbd.format.reader import Bridge, read_bridge
 from civil_rgbd.resources import nearest
+from civil_rgbd.storage.places import Place, place_of
 
 Splits = Mapping[str, Mapping[str, str | tuple[str, ...]]]
 """By name, by bridge: ``all`` or frame ids, as ``dataset.json`` has them."""
@@ -36,7 +36,7 @@ class Chosen:
 
 
 def choose(
-    location: Path, *, bridges: Sequence[str], split: str | None
+    location: Place, *, bridges: Sequence[str], split: str | None
 ) -> tuple[list[Chosen], Splits]:
     """Choose frames of a dataset or of one bridge.
 
@@ -53,6 +53,7 @@ def choose(
         FormatError: the location is neither, or a document is damaged.
         UsageError: a bridge, the split or any frame is not there.
     """
+    location = place_of(location)
     folders = bridge_folders(location)
     for name in bridges:
         if name not in folders:
@@ -86,7 +87,7 @@ def rows_in(rows: Sequence[FrameRow], frames: str | Sequence[str]) -> tuple[Fram
     return tuple(row for row in rows if row.frame_id in wanted)
 
 
-def _split(splits: Splits, split: str, location: Path) -> Mapping[str, str | tuple[str, ...]]:
+def _split(splits: Splits, split: str, location: Place) -> Mapping[str, str | tuple[str, ...]]:
     if split not in splits:
         fix = nearest(split, splits) if splits else "leave --split out: no split is named here"
         raise UsageError(f"there is no split {split!r}", where=location, fix=fix)

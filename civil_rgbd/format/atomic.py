@@ -15,6 +15,10 @@ from pathlib import Path
 from typing import Final
 
 from civil_rgbd.errors import OutputError
+from civil_rgbd.format.remote_folders import whole_object
+from civil_rgbd.storage.lease import leased
+from civil_rgbd.storage.places import Place
+from civil_rgbd.storage.remote_path import RemotePath
 
 _POLL_S: Final = 0.05
 _SHARERS: Final = 4096  # on Windows
@@ -43,16 +47,20 @@ def writing(where: object) -> Iterator[None]:
 
 
 @contextmanager
-def whole_file(path: Path, *, sync: bool = True) -> Iterator[Path]:
+def whole_file(path: Place, *, sync: bool = True) -> Iterator[Path]:
     """Give a scratch path to write to; it becomes ``path`` only if the block succeeds.
 
     Args:
-        path: the file to make; its folder exists.
+        path: the file to make; its folder exists. May lie on object storage.
         sync: bring the bytes to the disk before the rename; without it the caller syncs later.
 
     Raises:
         OutputError: the system refuses to write.
     """
+    if isinstance(path, RemotePath):
+        with writing(path), whole_object(path) as scratch:
+            yield scratch
+        return
     # Not the process id: two containers that write to one file system may both be process 1.
     scratch = path.with_name(f".{path.name}.{secrets.randbelow(10**12)}.partial")
     with writing(path):
@@ -82,12 +90,14 @@ def _sync(path: Path) -> None:
         os.close(handle)
 
 
-def sync_tree(folder: Path) -> None:
+def sync_tree(folder: Place) -> None:
     """Bring every file and folder below ``folder``, and itself, to the disk.
 
     Raises:
         OutputError: the system refuses.
     """
+    if isinstance(folder, RemotePath):
+        return  # an object that is there is safe
     with writing(folder):
         for root, _, names in os.walk(folder, topdown=False):
             for name in names:
@@ -95,7 +105,7 @@ def sync_tree(folder: Path) -> None:
             _sync(Path(root))
 
 
-def sync_files(folder: Path, paths: Iterable[str]) -> None:
+def sync_files(folder: Place, paths: Iterable[str]) -> None:
     """Bring some files, and the folders they lie in, to the disk.
 
     Args:
@@ -105,6 +115,8 @@ def sync_files(folder: Path, paths: Iterable[str]) -> None:
     Raises:
         OutputError: the system refuses.
     """
+    if isinstance(folder, RemotePath):
+        return  # an object that is there is safe
     files = [folder / path for path in paths]
     with writing(folder):
         for path in [*files, *sorted({path.parent for path in files}), folder]:
@@ -115,7 +127,7 @@ def _aside(destination: Path) -> Path:
     return destination.with_name(f".{destination.name}.replaced")
 
 
-def recover_folder(destination: Path) -> None:
+def recover_folder(destination: Place) -> None:
     """Undo what a kill in the middle of :func:`publish_folder` left behind.
 
     The old folder moves back when the new one did not arrive, and is deleted when it did. Call it
@@ -124,6 +136,8 @@ def recover_folder(destination: Path) -> None:
     Raises:
         OutputError: the system refuses.
     """
+    if isinstance(destination, RemotePath):
+        return  # without its last object it counts as absent
     aside = _aside(destination)
     if not aside.exists():
         return
@@ -171,7 +185,7 @@ def publish_folder(partial: Path, destination: Path, *, replace: bool) -> None:
 
 
 @contextmanager
-def folder_lock(path: Path, *, wait_s: float = 0.0, shared: bool = False) -> Iterator[None]:
+def folder_lock(path: Place, *, wait_s: float = 0.0, shared: bool = False) -> Iterator[None]:
     """Hold the only right to write a folder, or one right of many.
 
     The lock file ``.<name>.lock`` lies beside the folder, so that the folder can be renamed, and
@@ -186,6 +200,10 @@ def folder_lock(path: Path, *, wait_s: float = 0.0, shared: bool = False) -> Ite
     Raises:
         OutputError: another process holds it, or the system refuses to write.
     """
+    if isinstance(path, RemotePath):
+        with leased(path, wait_s=wait_s, shared=shared):
+            yield
+        return
     lock_file = path.with_name(f".{path.name.lstrip('.')}.lock")
     with writing(lock_file):
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Final
 
 from civil_rgbd.constants import FORMAT_VERSION
@@ -13,6 +12,7 @@ from civil_rgbd.format.atomic import folder_lock
 from civil_rgbd.format.documents import check_document, read_document, write_document
 from civil_rgbd.format.layout import DATASET, PARTIAL, dataset_bridges
 from civil_rgbd.format.versions import Document, current_document, parse_version
+from civil_rgbd.storage.places import Place
 
 KIND: Final = "dataset"
 ALL_FRAMES: Final = "all"
@@ -41,7 +41,7 @@ class DatasetRecord:
     data_version: str = "1.0"
 
 
-def read_dataset(path: Path) -> DatasetRecord:
+def read_dataset(path: Place) -> DatasetRecord:
     """Read ``dataset.json``.
 
     Raises:
@@ -89,7 +89,7 @@ def dataset_to_document(dataset: DatasetRecord) -> Document:
     }
 
 
-def write_dataset(path: Path, dataset: DatasetRecord) -> None:
+def write_dataset(path: Place, dataset: DatasetRecord) -> None:
     """Write ``dataset.json``, whole or not at all.
 
     Raises:
@@ -99,7 +99,7 @@ def write_dataset(path: Path, dataset: DatasetRecord) -> None:
     write_document(path, dataset_to_document(dataset), kind=KIND)
 
 
-def refresh_dataset(dataset_folder: Path, *, name: str | None = None) -> DatasetRecord:
+def refresh_dataset(dataset_folder: Place, *, name: str | None = None) -> DatasetRecord:
     """Write the list of bridges anew, under the lock of ``<dataset>/.partial``; keep the rest.
 
     Args:
@@ -127,7 +127,7 @@ def refresh_dataset(dataset_folder: Path, *, name: str | None = None) -> Dataset
     return fresh
 
 
-def _rewritable(path: Path) -> DatasetRecord:
+def _rewritable(path: Place) -> DatasetRecord:
     document = read_document(path)
     version = document.get("format_version")
     if parse_version(version, where=path) > parse_version(FORMAT_VERSION, where=path):

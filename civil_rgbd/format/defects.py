@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Final
 
 from civil_rgbd.constants import FORMAT_VERSION
 from civil_rgbd.domain.defect import DefectMeasure, DefectRecord
 from civil_rgbd.format.documents import check_document, read_document, write_document
 from civil_rgbd.format.versions import Document, current_document
+from civil_rgbd.storage.places import Place
 
 KIND: Final = "defects"
 
 
-def read_defects(path: Path) -> tuple[DefectRecord, ...]:
+def read_defects(path: Place) -> tuple[DefectRecord, ...]:
     """Read ``defects.json``; () where there is none.
 
     Raises:
@@ -52,7 +52,7 @@ def defects_to_document(defects: Sequence[DefectRecord]) -> Document:
     return {"format_version": FORMAT_VERSION, "defects": documents}
 
 
-def write_defects(path: Path, defects: Sequence[DefectRecord]) -> None:
+def write_defects(path: Place, defects: Sequence[DefectRecord]) -> None:
     """Write ``defects.json``, whole or not at all.
 
     Raises:

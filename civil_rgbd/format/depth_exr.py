@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 from typing import Final
 
@@ -13,6 +14,7 @@ from civil_rgbd.errors import FormatError, OutputError
 from civil_rgbd.format.atomic import whole_file
 from civil_rgbd.format.exr_layout import chunk_fault, depth_fault, read_layout
 from civil_rgbd.format.hashes import float_fault
+from civil_rgbd.storage.places import Place
 
 CHANNEL: Final = "Z"
 _REBUILD: Final = (
@@ -30,7 +32,7 @@ def value_fault(depth_m: NDArray[np.float32]) -> str | None:
     return None
 
 
-def write_depth(path: Path, depth_m: NDArray[np.float32], *, sync: bool = True) -> bytes:
+def write_depth(path: Place, depth_m: NDArray[np.float32], *, sync: bool = True) -> bytes:
     """Write a depth image: whole or not at all; the same array gives the same bytes.
 
     Args:
@@ -67,7 +69,7 @@ def write_depth(path: Path, depth_m: NDArray[np.float32], *, sync: bool = True) 
         return scratch.read_bytes()
 
 
-def read_depth(path: Path, *, size: tuple[int, int] | None = None) -> NDArray[np.float32]:
+def read_depth(path: Place, *, size: tuple[int, int] | None = None) -> NDArray[np.float32]:
     """Read a depth image.
 
     Args:
@@ -88,7 +90,7 @@ def read_depth(path: Path, *, size: tuple[int, int] | None = None) -> NDArray[np
     return depth_m
 
 
-def read_bytes(path: Path) -> bytes:
+def read_bytes(path: Place) -> bytes:
     """Read a whole file of a bridge.
 
     Raises:
@@ -105,7 +107,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def decode_depth(
-    path: Path, data: bytes, *, size: tuple[int, int] | None = None
+    path: Place, data: bytes, *, size: tuple[int, int] | None = None
 ) -> NDArray[np.float32]:
     """Decode a depth image whose bytes are known already; values are not looked at.
 
@@ -134,12 +136,17 @@ def decode_depth(
         fault = fault or chunk_fault(data, layout)
     if fault:
         raise FormatError(f"this is not a whole depth image: {fault}", where=path, fix=_REBUILD)
-    return _decode(path, layout.size)
+    if isinstance(path, Path):
+        return _decode(path, path, layout.size)
+    with tempfile.TemporaryDirectory(prefix="civil_rgbd_") as folder:
+        copy = Path(folder) / path.name
+        copy.write_bytes(data)
+        return _decode(copy, path, layout.size)
 
 
-def _decode(path: Path, size: tuple[int, int]) -> NDArray[np.float32]:
+def _decode(file: Path, path: Place, size: tuple[int, int]) -> NDArray[np.float32]:
     try:
-        image = OpenEXR.File(str(path), separate_channels=True)
+        image = OpenEXR.File(str(file), separate_channels=True)
         pixels: NDArray[np.float32] = np.asarray(image.parts[0].channels[CHANNEL].pixels)
     except (RuntimeError, OSError, ValueError, TypeError, KeyError, IndexError) as error:
         raise FormatError(

@@ -7,7 +7,6 @@ import math
 import re
 from collections.abc import Iterable, Sized
 from functools import cache
-from pathlib import Path
 from typing import Any, Final
 
 import jsonschema
@@ -16,13 +15,14 @@ from civil_rgbd.errors import FormatError
 from civil_rgbd.format.atomic import whole_file
 from civil_rgbd.format.versions import Document
 from civil_rgbd.resources import load_schema
+from civil_rgbd.storage.places import Place
 
 _SHOWN_FAULTS: Final = 20
 _VALUE_LETTERS: Final = 60
 _VECTOR: Final = re.compile(r"\[\n\s+((?:-?[0-9][-+.eE0-9]*,?\s+)+)\]")
 
 
-def read_document(path: Path) -> Document:
+def read_document(path: Place) -> Document:
     """Read a JSON file that holds one object.
 
     Stricter than the standard library: a key that comes twice and a number that is not finite
@@ -148,7 +148,7 @@ def refuse_faults(faults: Iterable[str], *, kind: str, where: object) -> None:
     )
 
 
-def write_document(path: Path, document: Document, *, kind: str) -> None:
+def write_document(path: Place, document: Document, *, kind: str) -> None:
     """Write a JSON file, whole or not at all; the same document gives the same bytes.
 
     Args:
@@ -177,7 +177,7 @@ def document_text(document: Document) -> str:
     return _VECTOR.sub(lambda match: f"[{' '.join(match[1].split())}]", text)
 
 
-def write_text(path: Path, text: str) -> None:
+def write_text(path: Place, text: str) -> None:
     """Write a text file in UTF-8 with plain line feeds, whole or not at all.
 
     Raises:

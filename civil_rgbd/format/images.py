@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Final
 
 import cv2
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from civil_rgbd.errors import FormatError
+from civil_rgbd.storage.places import Place
 
 SUBSAMPLINGS: Final = {
     "4:4:4": cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
@@ -100,7 +100,7 @@ def _fault(data: bytes) -> str | None:
     return f"it is neither JPEG nor PNG but begins with {data[:4]!r}"
 
 
-def read_image(path: Path) -> NDArray[np.uint8]:
+def read_image(path: Place) -> NDArray[np.uint8]:
     """Read an image file: (H, W, 3) uint8, red first.
 
     Raises:

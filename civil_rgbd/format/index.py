@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import warnings
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Final
 
 import pyarrow as pa
@@ -16,6 +15,7 @@ from civil_rgbd.domain.frame import FrameRow
 from civil_rgbd.errors import FormatError
 from civil_rgbd.format.atomic import whole_file
 from civil_rgbd.format.versions import FormatVersionWarning, parse_version
+from civil_rgbd.storage.places import Place, is_remote
 
 _TYPES: Final = {
     "source_index": pa.int64(),
@@ -39,7 +39,7 @@ SCHEMA: Final = pa.schema(
 """Names, types and order of the columns."""
 
 
-def write_index(path: Path, rows: Sequence[FrameRow]) -> None:
+def write_index(path: Place, rows: Sequence[FrameRow]) -> None:
     """Write ``frames.parquet``, whole or not at all; the same rows give the same bytes.
 
     Args:
@@ -56,7 +56,7 @@ def write_index(path: Path, rows: Sequence[FrameRow]) -> None:
         pq.write_table(table, scratch, compression="zstd", write_page_checksum=True)
 
 
-def read_index_table(path: Path) -> pa.Table:
+def read_index_table(path: Place) -> pa.Table:
     """Read ``frames.parquet`` as a table of exactly the columns of :data:`SCHEMA`.
 
     Raises:
@@ -64,7 +64,8 @@ def read_index_table(path: Path) -> pa.Table:
     """
     try:
         # One thread: a forked worker must not wait for a pool that only its parent has.
-        with pq.ParquetFile(path, pre_buffer=False, page_checksum_verification=True) as stream:
+        source = pa.BufferReader(path.read_bytes()) if is_remote(path) else path
+        with pq.ParquetFile(source, pre_buffer=False, page_checksum_verification=True) as stream:
             table = stream.read(use_threads=False)
         table.validate(full=True)
     except FileNotFoundError as error:
@@ -77,7 +78,7 @@ def read_index_table(path: Path) -> pa.Table:
     return _checked(table, path)
 
 
-def _checked(table: pa.Table, path: Path) -> pa.Table:
+def _checked(table: pa.Table, path: Place) -> pa.Table:
     names = table.schema.names
     twice = sorted({name for name in names if names.count(name) > 1})
     faults = [f"column {name!r} comes twice" for name in twice]
@@ -95,7 +96,7 @@ def _checked(table: pa.Table, path: Path) -> pa.Table:
     return table.select(SCHEMA.names)
 
 
-def _unknown_columns(table: pa.Table, path: Path) -> list[str]:
+def _unknown_columns(table: pa.Table, path: Place) -> list[str]:
     """The columns that are faults; those of a newer minor are only warned of."""
     metadata = table.schema.metadata or {}
     text = metadata.get(_VERSION_KEY, b"").decode("ascii", "replace")
@@ -119,7 +120,7 @@ def _unknown_columns(table: pa.Table, path: Path) -> list[str]:
     return [f"column {name!r} is unknown" for name in unknown]
 
 
-def read_index(path: Path) -> tuple[FrameRow, ...]:
+def read_index(path: Place) -> tuple[FrameRow, ...]:
     """Read ``frames.parquet``.
 
     Returns:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 from civil_rgbd.constants import FORMAT_VERSION
 from civil_rgbd.errors import FormatError
 from civil_rgbd.format.documents import check_document, read_document, write_document
 from civil_rgbd.format.versions import Document, current_document
 from civil_rgbd.geometry.camera import PinholeCamera
+from civil_rgbd.storage.places import Place
 
 KIND = "intrinsics"
 
 
-def read_intrinsics(path: Path) -> PinholeCamera:
+def read_intrinsics(path: Place) -> PinholeCamera:
     """Read ``intrinsics.json``.
 
     Raises:
@@ -64,7 +64,7 @@ def camera_to_document(camera: PinholeCamera) -> Document:
     }
 
 
-def write_intrinsics(path: Path, camera: PinholeCamera) -> None:
+def write_intrinsics(path: Place, camera: PinholeCamera) -> None:
     """Write ``intrinsics.json``, whole or not at all.
 
     Raises:

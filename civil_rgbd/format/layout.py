@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Final
 
 from civil_rgbd.constants import BRIDGE_ID_PATTERN
 from civil_rgbd.errors import FormatError
 from civil_rgbd.resources import nearest
+from civil_rgbd.storage.places import Place, entries_of, is_remote, place_of
 
 MANIFEST: Final = "manifest.json"
 INTRINSICS: Final = "intrinsics.json"
@@ -52,29 +52,26 @@ def quality_path(frame_id: str) -> str:
     return f"quality/{frame_id}.exr"
 
 
-def is_bridge(folder: Path) -> bool:
+def is_bridge(folder: Place) -> bool:
     """Tell whether a folder is a whole bridge: its manifest is written last."""
     return (folder / MANIFEST).is_file()
 
 
-def is_dataset(folder: Path) -> bool:
+def is_dataset(folder: Place) -> bool:
     """Tell whether a folder is a dataset, with or without bridges in it."""
     return (folder / DATASET).is_file() or (folder / BRIDGES).is_dir()
 
 
-def dataset_bridges(dataset: Path) -> dict[str, Path]:
+def dataset_bridges(dataset: Place) -> dict[str, Place]:
     """Return the whole bridges of a dataset folder by id, sorted; {} when there are none."""
-    bridges = dataset / BRIDGES
-    if not bridges.is_dir():
-        return {}
     return {
         folder.name: folder
-        for folder in sorted(bridges.iterdir())
+        for folder in entries_of(dataset / BRIDGES)
         if re.fullmatch(BRIDGE_ID_PATTERN, folder.name) and is_bridge(folder)
     }
 
 
-def bridge_folders(location: Path) -> dict[str, Path]:
+def bridge_folders(location: Place) -> dict[str, Place]:
     """Find the whole bridges of a dataset folder, or the one bridge that a folder is.
 
     Args:
@@ -86,7 +83,7 @@ def bridge_folders(location: Path) -> dict[str, Path]:
     Raises:
         FormatError: the folder is missing, or neither a dataset nor a bridge.
     """
-    location = Path(location)
+    location = place_of(location)
     if not location.exists():
         raise FormatError("there is no such folder", where=location, fix=_where_else(location))
     if not location.is_dir():
@@ -99,7 +96,7 @@ def bridge_folders(location: Path) -> dict[str, Path]:
         return {location.resolve().name: location}
     if is_dataset(location):
         return dataset_bridges(location)
-    inside = [entry.name for entry in sorted(location.iterdir()) if _holds_bridges(entry)]
+    inside = [entry.name for entry in entries_of(location) if _holds_bridges(entry)]
     raise FormatError(
         f"this is neither a dataset (it has no {BRIDGES}/ and no {DATASET}) "
         f"nor a whole bridge (it has no {MANIFEST})",
@@ -110,12 +107,14 @@ def bridge_folders(location: Path) -> dict[str, Path]:
     )
 
 
-def _holds_bridges(entry: Path) -> bool:
+def _holds_bridges(entry: Place) -> bool:
     return entry.is_dir() and (is_bridge(entry) or is_dataset(entry))
 
 
-def _where_else(location: Path) -> str:
+def _where_else(location: Place) -> str:
     parent = location.parent
+    if is_remote(location):
+        return "check bucket and key; a folder is there once something is in it"
     if not parent.is_dir():
         return f"{parent} does not exist either: check the path"
     names = [entry.name for entry in parent.iterdir() if entry.is_dir() and entry.name[0] != "."]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -17,11 +16,12 @@ from civil_rgbd.format.documents import check_document, read_document, write_doc
 from civil_rgbd.format.intrinsics import pinhole_from
 from civil_rgbd.format.versions import Document, current_document
 from civil_rgbd.geometry.camera import LensCamera
+from civil_rgbd.storage.places import Place
 
 KIND: Final = "manifest"
 
 
-def read_manifest(path: Path) -> Manifest:
+def read_manifest(path: Place) -> Manifest:
     """Read ``manifest.json``.
 
     Raises:
@@ -176,7 +176,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401  # JSON
     return value
 
 
-def write_manifest(path: Path, manifest: Manifest) -> None:
+def write_manifest(path: Place, manifest: Manifest) -> None:
     """Write ``manifest.json``, whole or not at all.
 
     Raises:

@@ -6,7 +6,6 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +16,7 @@ from civil_rgbd.domain.frame import FrameRow
 from civil_rgbd.errors import FormatError
 from civil_rgbd.format.documents import read_document, refuse_faults, write_text
 from civil_rgbd.format.versions import Document, current_document
+from civil_rgbd.storage.places import Place
 
 KIND: Final = "poses"
 _FRAME_ID: Final = re.compile(r"[0-9]{6,}")
@@ -41,7 +41,7 @@ class FramePoses:
     quaternions_xyzw: NDArray[np.float64]
 
 
-def read_poses(path: Path) -> FramePoses:
+def read_poses(path: Place) -> FramePoses:
     """Read ``poses.json``.
 
     Raises:
@@ -160,7 +160,7 @@ def poses_text(document: Document) -> str:
     return f'{{\n  "format_version": {version},\n  "frames": {frames}\n}}\n'
 
 
-def write_poses(path: Path, rows: Sequence[FrameRow]) -> None:
+def write_poses(path: Place, rows: Sequence[FrameRow]) -> None:
     """Write ``poses.json``, whole or not at all.
 
     Raises:

@@ -8,7 +8,6 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -27,6 +26,7 @@ from civil_rgbd.format.layout import DEFECTS, FRAMES, INTRINSICS, MANIFEST, POSE
 from civil_rgbd.format.manifest import read_manifest
 from civil_rgbd.format.poses import FramePoses, read_poses
 from civil_rgbd.geometry.camera import PinholeCamera
+from civil_rgbd.storage.places import Place, place_of
 
 _PATH: Final = re.compile(r"(rgb/[0-9]{6,}\.(jpg|png)|(depth|quality)/[0-9]{6,}\.exr)")
 
@@ -46,7 +46,7 @@ class Bridge:
         rows: one a frame, by ascending id; the poses are those of ``poses.json``.
     """
 
-    folder: Path
+    folder: Place
     manifest: Manifest
     camera: PinholeCamera
     rows: tuple[FrameRow, ...]
@@ -89,7 +89,7 @@ class Bridge:
         return self.camera.height_px, self.camera.width_px
 
 
-def read_bridge(folder: Path) -> Bridge:
+def read_bridge(folder: Place) -> Bridge:
     """Read the documents of a bridge folder; no image is opened.
 
     Args:
@@ -98,7 +98,7 @@ def read_bridge(folder: Path) -> Bridge:
     Raises:
         FormatError: a document is missing, damaged, or they do not fit each other.
     """
-    folder = Path(folder)
+    folder = place_of(folder)
     manifest = read_manifest(folder / MANIFEST)
     camera = read_intrinsics(folder / INTRINSICS)
     rows = read_index(folder / FRAMES)
@@ -107,7 +107,7 @@ def read_bridge(folder: Path) -> Bridge:
     return Bridge(folder, manifest, camera, _with_poses(rows, poses, folder))
 
 
-def _refuse_odd_rows(rows: Sequence[FrameRow], where: Path) -> None:
+def _refuse_odd_rows(rows: Sequence[FrameRow], where: Place) -> None:
     """Refuse paths that lead out of the folder, and ids or stamps that do not ascend."""
     for row in rows:
         paths = (row.rgb_path, row.depth_path, row.quality_path)
@@ -128,7 +128,7 @@ def _refuse_odd_rows(rows: Sequence[FrameRow], where: Path) -> None:
 
 
 def _with_poses(
-    rows: tuple[FrameRow, ...], poses: FramePoses, folder: Path
+    rows: tuple[FrameRow, ...], poses: FramePoses, folder: Place
 ) -> tuple[FrameRow, ...]:
     """Return the rows with the poses of ``poses.json``: it is the law, the index repeats it."""
     ids = tuple(row.frame_id for row in rows)

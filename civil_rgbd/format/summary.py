@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 from civil_rgbd.format.datasets import UNNAMED, read_dataset
 from civil_rgbd.format.intrinsics import read_intrinsics
 from civil_rgbd.format.layout import DATASET, INTRINSICS, MANIFEST, PARTIAL, bridge_folders
 from civil_rgbd.format.manifest import read_manifest
+from civil_rgbd.storage.places import Place, files_below, place_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +112,7 @@ class Summary:
         return "\n".join(lines)
 
 
-def summarise(location: Path) -> Summary:
+def summarise(location: Place) -> Summary:
     """Say what a dataset or a bridge holds.
 
     Args:
@@ -122,6 +121,7 @@ def summarise(location: Path) -> Summary:
     Raises:
         FormatError: there is none, or a document is missing or damaged.
     """
+    location = place_of(location)
     bridges = tuple(summarise_bridge(folder) for folder in bridge_folders(location).values())
     path, partial = location / DATASET, location / PARTIAL
     dataset = read_dataset(path) if path.is_file() else None
@@ -135,7 +135,7 @@ def summarise(location: Path) -> Summary:
     )
 
 
-def summarise_bridge(folder: Path) -> BridgeSummary:
+def summarise_bridge(folder: Place) -> BridgeSummary:
     """Say what one bridge holds.
 
     Raises:
@@ -155,20 +155,11 @@ def summarise_bridge(folder: Path) -> BridgeSummary:
         width_px=camera.width_px,
         height_px=camera.height_px,
         coverage=manifest.counts.mean_valid_share,
-        size_bytes=_folder_size(folder),
+        size_bytes=sum(files_below(folder).values()),
         sources=tuple(source.name for source in manifest.sources),
         salvage=manifest.salvage,
         warnings=manifest.warnings,
     )
-
-
-def _folder_size(folder: Path) -> int:
-    total = 0
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            inner = entry.is_dir(follow_symlinks=False)
-            total += _folder_size(Path(entry.path)) if inner else entry.stat().st_size
-    return total
 
 
 def _megabytes(size_bytes: int) -> str:

@@ -21,11 +21,14 @@ from civil_rgbd.format.intrinsics import write_intrinsics
 from civil_rgbd.format.layout import FRAMES, INTRINSICS, MANIFEST, POSES, depth_path, rgb_path
 from civil_rgbd.format.manifest import write_manifest
 from civil_rgbd.format.poses import write_poses
+from civil_rgbd.format.remote_folders import keep_only, publish_objects
 from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.geometry.transforms import quaternion_from_matrix
+from civil_rgbd.storage.places import Place
+from civil_rgbd.storage.remote_path import RemotePath
 
 
-def write_frame(folder: Path, frame: RgbdFrame, *, stage: ImageStage) -> FrameRow:
+def write_frame(folder: Place, frame: RgbdFrame, *, stage: ImageStage) -> FrameRow:
     """Write the files of one frame into an unfinished bridge folder.
 
     Each file is whole or absent, but not yet on the disk for sure: :func:`finish_bridge` sees to
@@ -108,8 +111,8 @@ def depth_statistics(
 
 
 def finish_bridge(
-    partial: Path,
-    destination: Path,
+    partial: Place,
+    destination: Place,
     *,
     manifest: Manifest,
     camera: PinholeCamera,
@@ -118,9 +121,11 @@ def finish_bridge(
 ) -> None:
     """Make an unfinished bridge folder whole, and let it appear by one rename.
 
+    On object storage, which has no rename, it appears by its manifest.
+
     Args:
         partial: the unfinished bridge, with the files of every row; all else in it is removed.
-        destination: where the bridge belongs, on the same file system.
+        destination: where the bridge belongs, on the same file system or in the same bucket.
         manifest: what ``manifest.json`` says; written last.
         camera: of every image.
         rows: one a frame, in any order.
@@ -137,15 +142,27 @@ def finish_bridge(
         raise ValueError(
             f"the manifest counts {manifest.counts.frames_kept} frames, there are {len(ordered)}"
         )
-    with writing(partial):
-        partial.mkdir(parents=True, exist_ok=True)
-        _keep_only(partial, ordered)
+    if isinstance(partial, RemotePath):
+        keep_only(partial, {path for row in ordered for path in row_paths(row)})
+    else:
+        with writing(partial):
+            partial.mkdir(parents=True, exist_ok=True)
+            _keep_only(partial, ordered)
     write_intrinsics(partial / INTRINSICS, camera)
     write_poses(partial / POSES, ordered)
     write_index(partial / FRAMES, ordered)
     sync_tree(partial)
     write_manifest(partial / MANIFEST, manifest)
-    publish_folder(partial, destination, replace=replace)
+    _publish(partial, destination, replace=replace)
+
+
+def _publish(partial: Place, destination: Place, *, replace: bool) -> None:
+    if isinstance(partial, RemotePath) and isinstance(destination, RemotePath):
+        publish_objects(partial, destination, replace=replace, last=MANIFEST)
+    elif isinstance(partial, Path) and isinstance(destination, Path):
+        publish_folder(partial, destination, replace=replace)
+    else:
+        raise TypeError(f"{partial} and {destination} lie on different kinds of storage")
 
 
 def row_paths(row: FrameRow) -> tuple[str, ...]:

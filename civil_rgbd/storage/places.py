@@ -47,6 +47,13 @@ def is_remote(place: Place) -> TypeGuard[RemotePath]:
     return isinstance(place, RemotePath)
 
 
+def entries_of(folder: Place) -> list[Place]:
+    """Return what lies directly in a folder, by name; [] when there is no such folder."""
+    if isinstance(folder, RemotePath):
+        return list(folder.iterdir())
+    return [*sorted(folder.iterdir())] if folder.is_dir() else []
+
+
 def files_below(folder: Place) -> Mapping[str, int]:
     """Return the size in bytes of every file below a folder, by its path in the folder.
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import io
 import threading
 from collections import OrderedDict
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from civil_rgbd.errors import RecordingError
 from civil_rgbd.storage.client import ask, shown
+
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer as Buffer
 
 BLOCK_BYTES: Final = 1 << 22
 """Bytes come in blocks of this size: smaller ones cost a journey each, larger ones are wasted."""
@@ -48,6 +51,13 @@ class RangeFile(io.RawIOBase):
         start = (0, self._at, self._size)[whence]
         self._at = max(0, start + offset)
         return self._at
+
+    def readinto(self, buffer: Buffer) -> int:
+        """Fill a buffer from the position on; return how many bytes it holds now."""
+        view = memoryview(buffer).cast("B")
+        data = self.read(len(view))
+        view[: len(data)] = data
+        return len(data)
 
     def read(self, length: int = -1) -> bytes:
         """Return bytes from the position on, fewer at the end.

@@ -7,17 +7,19 @@ Object storage has no folders: one "is there" when an object's name begins with 
 from __future__ import annotations
 
 import errno
+import io
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from typing import BinaryIO, Final, cast
+from typing import Final
 from urllib.parse import unquote, urlsplit
 
 from civil_rgbd.storage.client import ObjectInfo, ask, is_web
 from civil_rgbd.storage.range_file import RangeFile
 
+_BUFFER_BYTES: Final = 1 << 14
 _AT_ONCE: Final = 16  # requests in flight for copying and deleting: each waits for the network
 
 
@@ -170,18 +172,18 @@ class RemotePath:
         """Read the whole object as text; errors as :meth:`read_bytes`."""
         return self.read_bytes().decode(encoding)
 
-    def open(self, mode: str = "rb", buffering: int = -1) -> BinaryIO:
+    def open(self, mode: str = "rb", buffering: int = -1) -> io.BufferedReader:
         """Open the object for reading by ranges.
 
         Raises:
             FileNotFoundError: there is no such object.
             StorageError: the storage cannot be reached, or refuses.
         """
-        del buffering
         if mode != "rb":
             raise ValueError(f"mode {mode!r}: objects are written whole, by write_bytes")
         size_bytes, etag = self.pinned or self.pin().pinned or (0, None)
-        return cast("BinaryIO", RangeFile(self.url, size_bytes, etag))
+        raw = RangeFile(self.url, size_bytes, etag)
+        return io.BufferedReader(raw, max(buffering, _BUFFER_BYTES))
 
     def write_bytes(self, data: bytes) -> int:
         """Write the whole object: readers see the old one or the new one, never a part.

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 
 from civil_rgbd.constants import BRIDGE_ID_PATTERN
 from civil_rgbd.format.datasets import ALL_FRAMES, DatasetRecord, dataset_from_document, same_ids
 from civil_rgbd.format.layout import BRIDGES, DATASET
+from civil_rgbd.storage.places import Place, entries_of
 from civil_rgbd.validation.documents import load
 from civil_rgbd.validation.report import Finding
 
 
-def bridge_entries(dataset: Path) -> tuple[dict[str, Path], list[Finding]]:
+def bridge_entries(dataset: Place) -> tuple[dict[str, Place], list[Finding]]:
     """List the folders that ought to be bridges, whole or not.
 
     Args:
@@ -24,8 +24,7 @@ def bridge_entries(dataset: Path) -> tuple[dict[str, Path], list[Finding]]:
         are a build's own.
     """
     folders, found = {}, []
-    bridges = dataset / BRIDGES
-    for entry in sorted(bridges.iterdir()) if bridges.is_dir() else []:
+    for entry in entries_of(dataset / BRIDGES):
         if entry.is_dir() and re.fullmatch(BRIDGE_ID_PATTERN, entry.name):
             folders[entry.name] = entry
         elif not entry.name.startswith("."):
@@ -34,7 +33,7 @@ def bridge_entries(dataset: Path) -> tuple[dict[str, Path], list[Finding]]:
     return folders, found
 
 
-def check_dataset(dataset: Path, whole: Mapping[str, frozenset[str] | None]) -> Iterator[Finding]:
+def check_dataset(dataset: Place, whole: Mapping[str, frozenset[str] | None]) -> Iterator[Finding]:
     """Check ``dataset.json`` against the bridges that are there.
 
     Args:

@@ -6,7 +6,6 @@ import re
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -25,6 +24,7 @@ from civil_rgbd.format.manifest import manifest_from_document
 from civil_rgbd.format.poses import FramePoses, poses_from_document
 from civil_rgbd.format.versions import FormatVersionWarning, current_document
 from civil_rgbd.geometry.camera import PinholeCamera
+from civil_rgbd.storage.places import Place
 from civil_rgbd.validation.report import Finding
 
 _Noun = TypeVar("_Noun")
@@ -60,7 +60,7 @@ class BridgeDocuments:
     findings: list[Finding] = field(default_factory=list)
 
 
-def read_documents(folder: Path, bridge: str) -> BridgeDocuments:
+def read_documents(folder: Place, bridge: str) -> BridgeDocuments:
     """Read all documents of a bridge as far as they go.
 
     Args:
@@ -83,7 +83,7 @@ def read_documents(folder: Path, bridge: str) -> BridgeDocuments:
 
 
 def load(
-    path: Path,
+    path: Place,
     kind: str,
     from_document: Callable[..., _Noun],
     bridge: str | None,
@@ -142,7 +142,7 @@ def _strings(value: Any) -> Iterator[str]:  # noqa: ANN401  # JSON
             yield from _strings(item)
 
 
-def _load_index(path: Path, bridge: str, found: list[Finding]) -> tuple[FrameRow, ...] | None:
+def _load_index(path: Place, bridge: str, found: list[Finding]) -> tuple[FrameRow, ...] | None:
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", FormatVersionWarning)

@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Final
 
 from civil_rgbd.domain.frame import FrameRow
 from civil_rgbd.format.layout import DEFECTS, FRAMES, INTRINSICS, MANIFEST, POSES
 from civil_rgbd.format.writer import row_paths
+from civil_rgbd.storage.places import Place, files_below
 from civil_rgbd.validation.report import Finding
 
 _DOCUMENTS: Final = {MANIFEST, INTRINSICS, POSES, FRAMES, DEFECTS}
 _LITTER: Final = {".DS_Store", "Thumbs.db", "desktop.ini"}
 
 
-def files_in(folder: Path) -> set[str]:
-    """Return every file below a folder, relative to it, with forward slashes."""
-    found = set()
-    for root, folders, names in os.walk(folder):
-        # A link to a folder is no folder of the bridge: it counts as a file that is unknown.
-        links = [name for name in folders if (Path(root) / name).is_symlink()]
-        found |= {(Path(root) / name).relative_to(folder).as_posix() for name in names + links}
-    return found
-
-
-def check_files(folder: Path, rows: tuple[FrameRow, ...] | None, bridge: str) -> Iterator[Finding]:
+def check_files(folder: Place, rows: tuple[FrameRow, ...] | None, bridge: str) -> Iterator[Finding]:
     """Compare the files that are there with those that the index names.
 
     Args:
@@ -34,7 +23,8 @@ def check_files(folder: Path, rows: tuple[FrameRow, ...] | None, bridge: str) ->
         rows: of the index; None when it cannot be read, and then only documents are known.
         bridge: its name in findings.
     """
-    there = files_in(folder)
+    # A link to a folder is no folder of the bridge: it counts as a file that is unknown.
+    there = set(files_below(folder))
     named = {path for row in rows or () for path in row_paths(row)}
     for path in sorted(named - there):
         yield Finding("file-missing", f"{FRAMES} names it", path, bridge)

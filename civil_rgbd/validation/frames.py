@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from civil_rgbd.format.depth_exr import decode_depth, read_bytes
 from civil_rgbd.format.hashes import bytes_sha256, pixel_sha256
 from civil_rgbd.format.images import decode_image
 from civil_rgbd.format.writer import depth_statistics
+from civil_rgbd.storage.places import Place
 from civil_rgbd.validation.documents import BridgeDocuments, recipe_value
 from civil_rgbd.validation.report import Finding
 
@@ -49,7 +49,7 @@ def frame_rules(read: BridgeDocuments) -> FrameRules:
     )
 
 
-def check_frame(folder: Path, row: FrameRow, rules: FrameRules, bridge: str) -> Iterator[Finding]:
+def check_frame(folder: Place, row: FrameRow, rules: FrameRules, bridge: str) -> Iterator[Finding]:
     """Check the files of one frame; files that are not there were reported already.
 
     Args:
@@ -70,7 +70,7 @@ def check_frame(folder: Path, row: FrameRow, rules: FrameRules, bridge: str) -> 
                 yield Finding(code, message, path, bridge)
 
 
-def _is_inside(folder: Path, path: str) -> bool:
+def _is_inside(folder: Place, path: str) -> bool:
     """Tell whether a path names a file of the bridge: an index may name any file of the system."""
     parts = path.split("/")
     return ".." not in parts and "" not in parts and (folder / path).is_file()
@@ -82,7 +82,7 @@ def _hash_faults(data: bytes, expected: str) -> Iterator[_Fault]:
         yield "file-hash", f"sha256 is {digest}, the index has {expected}"
 
 
-def _rgb_faults(path: Path, row: FrameRow, rules: FrameRules) -> Iterator[_Fault]:
+def _rgb_faults(path: Place, row: FrameRow, rules: FrameRules) -> Iterator[_Fault]:
     try:
         data = read_bytes(path)
         changed = list(_hash_faults(data, row.rgb_file_sha256))
@@ -105,7 +105,7 @@ def _size_faults(code: str, pixels: NDArray[np.generic], rules: FrameRules) -> I
         yield code, f"{width} x {height} pixels, the camera has {rules.size[1]} x {rules.size[0]}"
 
 
-def _depth_faults(path: Path, row: FrameRow, rules: FrameRules) -> Iterator[_Fault]:
+def _depth_faults(path: Place, row: FrameRow, rules: FrameRules) -> Iterator[_Fault]:
     try:
         data = read_bytes(path)
         yield from _hash_faults(data, row.depth_file_sha256)
@@ -159,6 +159,6 @@ def _value_faults(depth_m: NDArray[np.float32], rules: FrameRules) -> Iterator[_
         )
 
 
-def _quality_faults(path: Path, row: FrameRow) -> Iterator[_Fault]:
+def _quality_faults(path: Place, row: FrameRow) -> Iterator[_Fault]:
     if row.quality_file_sha256 is not None:
         yield from _hash_faults(read_bytes(path), row.quality_file_sha256)

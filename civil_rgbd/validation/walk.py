@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 from civil_rgbd.format.layout import (
@@ -16,6 +15,7 @@ from civil_rgbd.format.layout import (
     is_bridge,
     is_dataset,
 )
+from civil_rgbd.storage.places import Place, place_of
 from civil_rgbd.validation.contribution import check_contribution
 from civil_rgbd.validation.datasets import bridge_entries, check_dataset
 from civil_rgbd.validation.documents import (
@@ -42,12 +42,12 @@ class _Task:
     """One bridge to check."""
 
     name: str
-    folder: Path
+    folder: Place
     read: BridgeDocuments
 
 
 def validate(
-    location: Path,
+    location: Place,
     *,
     profile: str = "format",
     progress: Progress = lambda _done, _total: None,
@@ -68,7 +68,7 @@ def validate(
     """
     if profile not in PROFILES:
         raise ValueError(f"profile {profile!r} is none of {', '.join(PROFILES)}")
-    location = Path(location)
+    location = place_of(location)
     findings: list[Finding] = []
     in_dataset = is_dataset(location) and not is_bridge(location)
     folders = _bridges_of(location, findings, in_dataset=in_dataset)
@@ -89,7 +89,7 @@ def validate(
     return Report(str(location), tuple(folders), total, tuple(findings))
 
 
-def _bridges_of(location: Path, findings: list[Finding], *, in_dataset: bool) -> dict[str, Path]:
+def _bridges_of(location: Place, findings: list[Finding], *, in_dataset: bool) -> dict[str, Place]:
     """Find the bridges to check; those without a manifest become findings."""
     if not in_dataset:
         if _is_unfinished(location):
@@ -102,7 +102,7 @@ def _bridges_of(location: Path, findings: list[Finding], *, in_dataset: bool) ->
     return {name: folder for name, folder in folders.items() if is_bridge(folder)}
 
 
-def _is_unfinished(location: Path) -> bool:
+def _is_unfinished(location: Place) -> bool:
     documents = (INTRINSICS, POSES, FRAMES)
     return not is_bridge(location) and any((location / name).is_file() for name in documents)
 
