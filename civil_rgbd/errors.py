@@ -73,3 +73,7 @@ class ImageDecodeError(RecordingError):
 
 class OdometryError(CivilRgbdError):
     """An odometry engine cannot start or finish, or what it answers cannot be right."""
+
+
+class TrainingError(CivilRgbdError):
+    """A training run cannot start, go on or finish."""
