@@ -20,15 +20,18 @@ COMMANDS: Final = {
     "download": "Fetch an accepted bridge, verified.",
     "export": "Write bridges in the layouts that other programs read.",
     "finish": "Join the parts of a build that were made one by one.",
+    "export-onnx": "Write a trained model as ONNX, compared with torch.",
     "info": "Say what a dataset or bridge holds.",
     "inspect-recording": "Say what a raw recording holds, and what it lacks for a build.",
     "new-bridge": "Say what a contributed bridge is: place, owner, consent, licence.",
     "pack": "Pack a bridge for submission, with a report.",
     "poses": "Compute poses for a recording that has none.",
+    "predict": "Predict the depth of photos.",
     "recipes": "List the recipes that ship, or print one.",
     "rig": "Import a calibration as a rig file, or check one against a recording.",
     "simulate": "Write a simulated recording.",
     "validate": "Check a dataset or bridge against the format.",
+    "verify": "Prove a dataset or bridge: its hashes, and its frames rendered again.",
 }
 """Commands and their one-line help: known without importing what they need."""
 
