@@ -23,7 +23,16 @@ FLOORS = [
         "baselines",
         "defects",
     },
-    {"converters", "builder", "dataset", "validation", "importers", "exporters", "health"},
+    {
+        "converters",
+        "builder",
+        "dataset",
+        "validation",
+        "importers",
+        "exporters",
+        "health",
+        "prediction",
+    },
     {"training", "evaluation"},
     {"benchmark", "contribution", "viewer", "measuring"},
     {"civil_rgbd"},  # the front door, civil_rgbd/__init__.py: hands on what lies below it

@@ -163,6 +163,7 @@ def load_into(model: TorchDepthModel, weights: Mapping[str, Tensor], *, where: o
     model.network.load_state_dict(
         {key: weights.get(key, value) for key, value in own.items()}, strict=True
     )
+    model.is_trained = True
 
 
 def differences(own: Mapping[str, Tensor], given: Mapping[str, Tensor]) -> str:

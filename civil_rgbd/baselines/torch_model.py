@@ -30,6 +30,7 @@ class TorchDepthModel(nn.Module, ABC):
         fit: what :meth:`predict` does to images of other sizes.
         min_depth_m: the least depth that it answers.
         max_depth_m: the largest depth that it answers, before any scaling by focal length.
+        is_trained: whether weights were loaded; without, its answers are noise.
     """
 
     network: nn.Module
@@ -46,6 +47,7 @@ class TorchDepthModel(nn.Module, ABC):
         super().__init__()
         self.name, self.options, self.fit = name, dict(options), fit
         self.min_depth_m, self.max_depth_m = min_depth_m, max_depth_m
+        self.is_trained = False
 
     @abstractmethod
     def forward(self, rgb: Tensor, intrinsics: Tensor) -> Tensor:

@@ -139,7 +139,7 @@ class TransformersModel(TorchDepthModel):
             max_depth_m=float(getattr(settings, "max_depth", None) or math.inf),
         )
         self.preparation, self.kind = rule, str(settings.model_type)
-        self.network = _network(source, settings)
+        self.network, self.is_trained = _network(source, settings), source is not None
         for buffer, values in (("mean", rule.mean), ("deviation", rule.deviation)):
             self.register_buffer(buffer, torch.tensor(values).view(3, 1, 1), persistent=False)
         for key, parameter in self.network.named_parameters():

@@ -101,7 +101,7 @@ class ZoeModel(TorchDepthModel):
             name, options, fit=InputFit(), min_depth_m=min_depth_m, max_depth_m=max_depth_m
         )
         self.input_px = (height_px, width_px)
-        self.network = network
+        self.network, self.is_trained = network, source is not None
         for key, parameter in network.named_parameters():
             if key.startswith(_NEVER_USED):
                 parameter.requires_grad_(requires_grad=False)
