@@ -57,7 +57,8 @@ class PosesStage:
 
     Attributes:
         max_gap_s: points and images between two poses further apart are dropped and counted.
-        min_quality: images at poses of lower quality are dropped and counted; 0 asks for none.
+        min_quality: images and points at poses of lower quality are dropped and counted; 0 asks
+            for none.
     """
 
     max_gap_s: float = 0.25

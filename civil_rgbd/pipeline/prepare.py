@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from typing import Final
 
 import numba
 import numpy as np
@@ -18,6 +19,8 @@ from civil_rgbd.geometry.motion import move_points
 from civil_rgbd.geometry.trajectory import Trajectory
 from civil_rgbd.geometry.transforms import rotate
 
+_ASKED_FOR: Final = "pose_quality_low"
+
 
 @dataclass(frozen=True, slots=True)
 class PointCounts:
@@ -30,6 +33,7 @@ class PointCounts:
         out_of_range: nearer or further than the recipe allows.
         noise: doubted by the sensor itself.
         outside_trajectory: before its start, after its end, or in a gap of it.
+        pose_quality_low: at a pose, or beside one, that is worse than the recipe allows.
         messages_unreadable: messages, not points, that are damaged and were left out.
     """
 
@@ -39,16 +43,23 @@ class PointCounts:
     out_of_range: int = 0
     noise: int = 0
     outside_trajectory: int = 0
+    pose_quality_low: int = 0
     messages_unreadable: int = 0
 
 
 def total_points(counts: Iterable[PointCounts]) -> dict[str, int]:
-    """Add up what became of the points of many messages, by field of :class:`PointCounts`."""
+    """Add up what became of the points of many messages, by field of :class:`PointCounts`.
+
+    ``pose_quality_low`` is missing where it is 0: few recipes ask for a quality.
+    """
     counts = list(counts)
-    return {
+    totals = {
         field.name: sum(getattr(count, field.name) for count in counts)
         for field in fields(PointCounts)
     }
+    if not totals[_ASKED_FOR]:
+        del totals[_ASKED_FOR]
+    return totals
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,6 +126,11 @@ def map_scan(
     counts["outside_trajectory"] = (
         counts["read"] - sum(counts[reason] for reason in _FATES[1:]) - len(points)
     )
+    inside = len(points)
+    points, stamps_ns, pose_stamps_ns = _trusted(
+        trajectory, recipe, points, stamps_ns, pose_stamps_ns
+    )
+    counts[_ASKED_FOR] = inside - len(points)
     translations, quaternions = trajectory.at(pose_stamps_ns)
     if scan.in_map:
         near = _in_range(points, translations, quaternions, rig=rig, limits=limits)
@@ -184,6 +200,24 @@ def _inside(
         return points, stamps_ns, stamps_ns
     covered = trajectory.covers(stamps_ns, max_gap_ns=gap_ns)
     return points[covered], stamps_ns[covered], stamps_ns[covered]
+
+
+def _trusted(
+    trajectory: Trajectory,
+    recipe: Recipe,
+    points: NDArray[np.floating],
+    stamps_ns: NDArray[np.int64],
+    pose_stamps_ns: NDArray[np.int64],
+) -> tuple[NDArray[np.floating], NDArray[np.int64], NDArray[np.int64]]:
+    """Keep the points whose pose is good enough; of a pose between two the worse one counts."""
+    least = recipe.poses.min_quality
+    if least <= 0 or trajectory.quality is None:  # a plan refuses to ask for what nobody judged
+        return points, stamps_ns, pose_stamps_ns
+    good = trajectory.quality_at(pose_stamps_ns) >= least
+    if good.all():
+        return points, stamps_ns, pose_stamps_ns
+    of_points = np.broadcast_to(good, stamps_ns.shape)  # one pose may move all of them
+    return points[of_points], stamps_ns[of_points], pose_stamps_ns[good]
 
 
 def _in_range(

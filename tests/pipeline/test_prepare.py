@@ -15,7 +15,13 @@ from civil_rgbd.domain.rig import Rig
 from civil_rgbd.domain.scan import LidarScan
 from civil_rgbd.geometry.camera import LensCamera, PinholeCamera
 from civil_rgbd.geometry.trajectory import Trajectory
-from civil_rgbd.pipeline.prepare import MappedScan, PointCounts, local_origin, map_scan
+from civil_rgbd.pipeline.prepare import (
+    MappedScan,
+    PointCounts,
+    local_origin,
+    map_scan,
+    total_points,
+)
 
 from ..recordings import standing_still, trajectory_of
 from ..reference.pose import pose_at
@@ -169,6 +175,53 @@ def test_a_scan_without_point_times_is_outside_as_a_whole() -> None:
 
     assert found.counts == PointCounts(read=3, outside_trajectory=3)
     assert (found.points_local.shape, found.stamps_ns.shape) == ((3, 0), (0,))
+
+
+JUDGED = replace(
+    trajectory_of([SECOND + k * 100 * MS for k in range(6)], [(k, 0, 0) for k in range(6)]),
+    quality=np.array([1.0, 1.0, 0.2, 0.5, 0.5, 1.0]),
+)
+DEMANDING = replace(RECIPE, poses=PosesStage(min_quality=0.5))
+
+
+def test_points_beside_a_pose_of_low_quality_are_dropped_and_counted() -> None:
+    after_ms = [-1, 50, 100, 101, 150, 200, 250, 299, 300, 400, 450, 501]
+    stamps = [SECOND + ms * MS for ms in after_ms]
+    scan = scan_of(*[(10.0, 0, 0)] * len(stamps), stamps_ns=stamps)
+
+    found = mapped(scan, trajectory=JUDGED, recipe=DEMANDING)
+
+    assert ((found.stamps_ns - SECOND) // MS).tolist() == [50, 100, 300, 400, 450]
+    assert found.points_local[0].tolist() == [10.5, 11.0, 13.0, 14.0, 14.5]
+    assert found.counts == PointCounts(read=12, outside_trajectory=2, pose_quality_low=5)
+
+
+@pytest.mark.parametrize(("after_ms", "kept"), [(100, 3), (101, 0)])
+@pytest.mark.parametrize("in_map", [False, True])
+def test_a_scan_without_point_times_is_trusted_as_a_whole_or_not_at_all(
+    after_ms: int, kept: int, in_map: bool
+) -> None:
+    points = np.full((3, 3), 5.0, np.float32)
+    scan = LidarScan(SECOND + after_ms * MS, points, in_map=in_map)
+
+    found = mapped(scan, trajectory=JUDGED, recipe=DEMANDING)
+
+    assert found.points_local.shape == (3, kept)
+    assert found.counts == PointCounts(read=3, pose_quality_low=3 - kept)
+
+
+def test_quality_changes_nothing_where_no_recipe_asks_for_it() -> None:
+    stamps = [SECOND + ms * MS for ms in (50, 150, 250)]
+    scan = scan_of(*[(10.0, 0, 0)] * 3, stamps_ns=stamps)
+
+    judged = mapped(scan, trajectory=JUDGED)
+    unjudged = mapped(scan, trajectory=replace(JUDGED, quality=None))
+
+    assert judged.points_local.tobytes() == unjudged.points_local.tobytes()
+    assert judged.counts == unjudged.counts == PointCounts(read=3)
+    assert "pose_quality_low" not in total_points([judged.counts])
+    low = mapped(scan, trajectory=JUDGED, recipe=DEMANDING)
+    assert total_points([low.counts, judged.counts])["pose_quality_low"] == 2
 
 
 def test_an_empty_scan_gives_nothing() -> None:
