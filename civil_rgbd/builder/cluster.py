@@ -63,6 +63,17 @@ def connect(scheduler: str | None, *, workers: int, stack: ExitStack) -> Client:
     return client
 
 
+def refuse_unreachable(scheduler: str) -> None:
+    """Refuse a cluster that does not answer, or whose workers have other packages.
+
+    Raises:
+        UsageError: nobody answers at the address.
+        BuildError: the cluster has no workers, or their packages differ.
+    """
+    with ExitStack() as stack:
+        _refuse_other_versions(connect(scheduler, workers=0, stack=stack))
+
+
 def _client_of(scheduler: str) -> Client:
     fix = "compare the address with what the scheduler printed when it started: tcp://HOST:8786"
     as_file = scheduler.endswith(".json")

@@ -12,8 +12,11 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
+from distributed import Client, Future, KilledWorker, WorkerPlugin, get_worker, wait
+
 from civil_rgbd.builder.bridge import IDENTITY
 from civil_rgbd.builder.chunks import Job, run_chunk
+from civil_rgbd.builder.cluster import connect, refuse_unfit
 from civil_rgbd.builder.executors import (
     Event,
     Finished,
@@ -29,18 +32,7 @@ from civil_rgbd.builder.executors import (
 from civil_rgbd.builder.originals import fingerprint
 from civil_rgbd.builder.provenance import software
 from civil_rgbd.domain.bridge import Software
-from civil_rgbd.errors import BridgeFailedError, MissingExtraError
-
-try:
-    from distributed import Client, Future, KilledWorker, WorkerPlugin, get_worker, wait
-except ImportError as missing:
-    raise MissingExtraError(
-        f"the executor dask is not installed: {missing.name} is missing",
-        where="--executor dask",
-        fix='pip install "civil-rgbd[dask]"',
-    ) from missing
-
-from civil_rgbd.builder.cluster import connect, refuse_unfit
+from civil_rgbd.errors import BridgeFailedError
 
 _LOOK_EVERY_S: Final = 5.0  # a cluster grows and shrinks, and may lose a chunk without a word
 

@@ -6,12 +6,13 @@ import os
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Final, Protocol
 
 from civil_rgbd.builder.chunks import ChunkRecord, Job, run_chunk
 from civil_rgbd.builder.plan import Chunk
-from civil_rgbd.errors import CivilRgbdError
+from civil_rgbd.errors import CivilRgbdError, MissingExtraError
 from civil_rgbd.pipeline.frames import FrameMaker
 
 
@@ -172,6 +173,20 @@ def _dask(jobs: Sequence[Job], placement: Placement, on_frames: OnFrames) -> Exe
 
 EXECUTORS: Final = {"serial": _serial, "processes": _processes, "dask": _dask}
 """By name: what makes one of jobs, a placement, and whom to tell of frames."""
+
+
+def require_dask() -> None:
+    """Refuse to go on without Dask.
+
+    Raises:
+        MissingExtraError: it is not installed.
+    """
+    if find_spec("distributed") is None:
+        raise MissingExtraError(
+            "the executor dask needs the package distributed, which is not installed",
+            where="--executor dask",
+            fix='pip install "civil-rgbd[dask]"',
+        )
 
 
 def processors() -> int:

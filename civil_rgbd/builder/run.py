@@ -20,6 +20,7 @@ from civil_rgbd.builder.executors import (
     Placement,
     Task,
     processors,
+    require_dask,
     use_one_thread,
 )
 from civil_rgbd.builder.report import BuildReport, Outcome, ShareReport, SurveyReport
@@ -126,13 +127,14 @@ class _Run:
         self, orders: Sequence[Order], recipe: Recipe, dataset: Path, options: BuildOptions
     ) -> None:
         self._orders, self._options = orders, options
+        self._name = "dask" if options.scheduler else options.executor  # None: not chosen yet
         self._manner = Manner(
             recipe=recipe,
             dataset=dataset,
             overrides=options.overrides,
             overwrite=options.overwrite,
             share=options.share,
-            remote=options.executor == "dask",
+            remote=self._name == "dask",
         )
         self._outcomes: dict[str, Outcome] = {}
         self._builds: list[BridgeBuild] = []
@@ -142,6 +144,13 @@ class _Run:
         """Do all of it."""
         started = time.monotonic()
         use_one_thread()
+        if self._name == "dask":
+            require_dask()
+        if self._options.scheduler is not None:
+            # Hashing the recordings of a survey may take minutes: say it before.
+            from civil_rgbd.builder.cluster import refuse_unreachable
+
+            refuse_unreachable(self._options.scheduler)
         with ExitStack() as stack:
             stack.callback(remove_if_empty, self._manner.dataset / PARTIAL)
             for place, order in enumerate(self._orders):
@@ -196,7 +205,7 @@ class _Run:
 
     def _executor(self) -> Executor:
         options = self._options
-        name = options.executor or self._usual_executor()
+        name = self._name or self._usual_executor()
         return EXECUTORS[name](
             [build.job for build in self._builds],
             Placement(name, options.workers, options.scheduler),
