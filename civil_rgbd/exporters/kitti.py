@@ -27,6 +27,8 @@ SCALE: Final = 256.0
 _LARGEST_INPUT: Final = (352, 704)
 """Height and width of BTS' crops of KITTI; never larger than the images, multiples of 32."""
 
+_BTS_STRIDE: Final = 32
+
 
 def write(folder: Path, chosen: Sequence[Chosen], options: ExportOptions) -> Losses:
     """Write bridges as drives, and the lists of their frames.
@@ -105,10 +107,24 @@ def _readme(chosen: Sequence[Chosen], names: Sequence[str]) -> list[str]:
         f"    --data_path HERE --gt_path HERE --filenames_file HERE/{train}_files_with_gt.txt \\",
         f"    --input_height {height} --input_width {width} --max_depth 80 \\",
         "    --do_random_rotate --degree 1.0 --model_name bridges --log_directory models",
+        *_of_whole_images(chosen),
         "",
         "ZoeDepth (https://github.com/isl-org/ZoeDepth):",
         "  python train_mono.py -m zoedepth -d kitti --data_path=HERE --gt_path=HERE \\",
         "    --data_path_eval=HERE --gt_path_eval=HERE --do_kb_crop=0 --garg_crop=0 \\",
         f"    --filenames_file=HERE/{train}_files_with_gt.txt \\",
         f"    --filenames_file_eval=HERE/{test}_files_with_gt.txt",
+    ]
+
+
+def _of_whole_images(chosen: Sequence[Chosen]) -> list[str]:
+    """Say so where BTS' network, which halves images five times, cannot take whole ones."""
+    sizes = {(one.bridge.camera.width_px, one.bridge.camera.height_px) for one in chosen}
+    odd = sorted(size for size in sizes if any(length % _BTS_STRIDE for length in size))
+    if not odd:
+        return []
+    named = ", ".join(f"{width} x {height}" for width, height in odd)
+    return [
+        f"It trains on crops, but evaluates whole images, in multiples of {_BTS_STRIDE} pixels:",
+        f"{named} will not do. A camera of 1280 x 720 gives such images at an image.scale of 0.8.",
     ]

@@ -90,6 +90,7 @@ def test_kitti_has_a_list_a_split(dataset: Path, tmp_path: Path) -> None:
     readme = (tmp_path / "kitti/README.txt").read_text()
     assert "--filenames_file HERE/train_files_with_gt.txt" in readme
     assert "--input_height 32 --input_width 32 " in readme  # multiples of 32
+    assert f"{CAMERA.width_px} x {CAMERA.height_px} will not do" in readme
 
 
 def test_one_split_alone_is_written(dataset: Path, tmp_path: Path) -> None:
