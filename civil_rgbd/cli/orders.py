@@ -11,6 +11,7 @@ import click
 
 from civil_rgbd.cli.beside import read_beside
 from civil_rgbd.cli.bridge_info import read_bridge_info
+from civil_rgbd.cli.mounting import say_mounting
 from civil_rgbd.errors import UsageError
 
 if TYPE_CHECKING:
@@ -55,7 +56,9 @@ def order_of(
     files = [Path(source) for source in sources if Path(source).exists()]
 
     def open_now() -> Recording:
-        return open_recording(sources[0], options)
+        recording = open_recording(sources[0], options)
+        say_mounting(recording, rig_given=rig_path is not None)
+        return recording
 
     return Order(info, open_now, files=(*files, *beside), sha256=tuple(sha256))
 

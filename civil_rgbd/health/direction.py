@@ -90,6 +90,12 @@ class DirectionReport:
         """Whether so few points are in view that a build refuses to start."""
         return self.given.share_in_view < _FEWEST_IN_VIEW
 
+    @property
+    def turned_round(self) -> str:
+        """The line of a rig file that says the opposite."""
+        rows = np.round(inverse(self.T_lidar_camera), 9) + 0.0  # no -0.0
+        return f"T_lidar_camera = {rows.tolist()}"
+
     def to_document(self) -> dict[str, object]:
         """Return it for machines."""
         return {
@@ -120,7 +126,8 @@ class DirectionReport:
             lines += [
                 f"warning: rig-inverted: the inverse explains {self.images} images better",
                 "  fix: import the calibration by `civil-rgbd rig import`, or turn it round:",
-                "       T_lidar_camera takes camera points to the LiDAR",
+                "       T_lidar_camera takes camera points to the LiDAR; in the rig file (--rig)",
+                f"       {self.turned_round}",
             ]
         elif self.misses:
             lines += [

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from civil_rgbd.cli import main
+from civil_rgbd.conversion.frame_tree import FrameTree
+from civil_rgbd.geometry.transforms import inverse
 from civil_rgbd.simulator.recording import SimulatedRecording
 from civil_rgbd.simulator.spec import ScanSpec
+from civil_rgbd.trajectories.rig import read_rig
+from civil_rgbd.trajectories.rig_text import rig_to_text
 
 from ..conversion.walk_beside import seconds, write_beside, write_scans
 
@@ -113,3 +119,45 @@ def test_the_body_that_a_format_knows_is_not_contradicted(
     times = ["--image-times", str(walk / "images/timestamps.txt")]
     assert build(walk, tmp_path, "--pose-of", "imu", *times, trajectory="poses.csv") == 2
     assert "--pose-of says imu, but poses of the format lab" in capsys.readouterr().err
+
+
+def turned_round(walk: Path) -> None:
+    """Write the rig with the camera's mounting inverted, as a wrong import would."""
+    rig = read_rig(walk / "rig.toml")
+    links = FrameTree()
+    for (a, b), T_a_b in rig.extrinsics.items():
+        links.link(a, b, T_a_b)
+    T_lidar_camera = links.find("lidar", "camera")
+    T_imu_lidar = links.find("imu", "lidar")
+    assert T_lidar_camera is not None
+    assert T_imu_lidar is not None
+    wrong = {("lidar", "camera"): inverse(T_lidar_camera), ("imu", "lidar"): T_imu_lidar}
+    text = rig_to_text(replace(rig, extrinsics=wrong))
+    (walk / "inverted.toml").write_text(text)
+
+
+def test_a_build_says_how_the_camera_sits(
+    walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert build(walk, tmp_path, "--pose-of", "imu") == 0
+    err = capsys.readouterr().err
+    assert "rig: the camera sits at x 0.021, y 0.034, z 0.093 m of the LiDAR, looks along" in err
+    assert "rig-inverted" not in err
+
+
+def test_a_mounting_the_wrong_way_round_is_said_before_the_build(
+    walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    turned_round(walk)
+    status = build(walk, tmp_path, "--pose-of", "imu", "--rig", str(walk / "inverted.toml"))
+    err = capsys.readouterr().err
+    assert status == 2  # hardly a point is in view
+    said, _, refused = err.partition("error: ")
+    assert "warning: rig-inverted: 4 images say that the camera's mounting is the wrong way" in said
+    assert "`civil-rgbd rig check`" in said
+    assert "points of the first 2 frames fall into the image" in refused
+    line = next(line for line in said.splitlines() if line.strip().startswith("T_lidar_camera ="))
+    stated = np.array(json.loads(line.partition("=")[2]))
+    np.testing.assert_allclose(
+        stated, SimulatedRecording(SPEC).rig.T_lidar_camera, atol=1e-8
+    )  # to be pasted
