@@ -59,29 +59,34 @@ sys.path.insert(0, str(Path(__file__).parent))
 from odometry_scenes import Trial, trials
 
 MAIN_SCENES = ("girders", "soffit", "tunnel")
+"""What the names of the trials begin with that count without ``--all``."""
+CURVE = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.5, 2.0)
 BAD_M, BAD_DEG, GOOD_M, GOOD_DEG = 0.10, 1.0, 0.03, 0.3
 POSES_A_SECOND = 10
 
 
 @dataclass(frozen=True)
 class Score:
-    """One walk: absolute error in metres, and seconds counted."""
+    """One walk: absolute error in metres, and the worst quality in each bad and good second."""
 
     name: str
     ate_m: float
     largest_m: float
-    bad: int
-    bad_flagged: int
-    good: int
-    good_flagged: int
+    bad: NDArray[np.float64]
+    good: NDArray[np.float64]
 
     def to_text(self) -> str:
         """Say it in one line."""
         return (
             f"{self.name:28s} ATE {self.ate_m:8.3f} m, largest {self.largest_m:8.3f} m; "
-            f"bad seconds flagged {self.bad_flagged}/{self.bad}, "
-            f"good ones flagged {self.good_flagged}/{self.good}"
+            f"{flagged_text(self.bad, self.good, LOW_QUALITY)}"
         )
+
+
+def flagged_text(bad: NDArray[np.float64], good: NDArray[np.float64], limit: float) -> str:
+    """Count the bad and good seconds whose worst quality lies below a limit."""
+    caught, wronged = int((bad < limit).sum()), int((good < limit).sum())
+    return f"bad seconds flagged {caught}/{len(bad)}, good ones flagged {wronged}/{len(good)}"
 
 
 def score(trial: Trial, found: JudgedPoses) -> Score:
@@ -101,17 +106,14 @@ def score(trial: Trial, found: JudgedPoses) -> Score:
     off_deg = np.degrees(np.arccos(cosine.clip(-1, 1)))
     bad = (off_m > BAD_M) | (off_deg > BAD_DEG)
     good = (off_m < GOOD_M) & (off_deg < GOOD_DEG)
-    worst = [path.quality[k * n : k * n + n + 1].min() for k in range(len(off_m))]
-    flagged = np.array(worst) < LOW_QUALITY
+    worst = np.array([path.quality[k * n : k * n + n + 1].min() for k in range(len(off_m))])
     distance = aligned_distance(path.translations_m, places)
     return Score(
         trial.name,
         float(np.sqrt((distance**2).mean())),
         float(distance.max()),
-        int(bad.sum()),
-        int((bad & flagged).sum()),
-        int(good.sum()),
-        int((good & flagged).sum()),
+        worst[bad],
+        worst[good],
     )
 
 
@@ -151,15 +153,16 @@ def main() -> None:
     folder = given.environment or environment_folder(cache_folder(), engine)
     program = find_program(engine, folder)
     chosen = [
-        t for t in trials(given.part, seconds=given.seconds) if given.all or t.name in MAIN_SCENES
+        trial
+        for trial in trials(given.part, seconds=given.seconds)
+        if given.all or trial.name.startswith(MAIN_SCENES)
     ]
     scores = [walk(trial, engine, program) for trial in chosen]
-    bad, flagged = sum(s.bad for s in scores), sum(s.bad_flagged for s in scores)
-    good, false = sum(s.good for s in scores), sum(s.good_flagged for s in scores)
-    print(
-        f"{engine.name} {engine.version}, {given.part}: bad seconds flagged {flagged}/{bad}, "
-        f"good ones flagged {false}/{good}"
-    )
+    bad = np.concatenate([one.bad for one in scores])
+    good = np.concatenate([one.good for one in scores])
+    print(f"{engine.name} {engine.version}, {given.part}, all together, with quality below")
+    for limit in CURVE:
+        print(f"    {limit:.1f}: {flagged_text(bad, good, limit)}")
 
 
 if __name__ == "__main__":

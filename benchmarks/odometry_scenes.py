@@ -194,38 +194,66 @@ def _slab_bridge(width_m: float, span_m: float, height_m: float) -> list[Face]:
     return faces
 
 
+_Plan = list[tuple[str, list[Face], Walk]]
+
+
+def _scenes_to_set() -> _Plan:
+    other = GirderBridge(
+        deck_width_m=12.0, abutment_y_m=11.0, abutment_height_m=4.2, girder_count=5,
+        girder_spacing_m=2.6, girder_depth_m=1.3, column_x_m=(-4.0, 0.0, 4.0),
+    )  # fmt: skip
+    return [
+        ("girders", girder_bridge(other, name="other").faces,
+         along((-16, -7.5, 1.5), length_m=30, up_deg=14, yaw_deg=12)),
+        ("soffit", _soffit(6.5), along((0, 0, 1.4), length_m=40, up_deg=64)),
+        ("tunnel", _round_tunnel(4.0), along((0, 0, 1.5), length_m=40, up_deg=6)),
+        ("slab on piers", _slab_bridge(11, 8, 4.6),
+         along((-10, -4.5, 1.5), length_m=18, up_deg=12, yaw_deg=14)),
+        ("ribbed tunnel, then smooth",
+         _box_tunnel(8, 6) + _ribs(-30, 14, width_m=8, height_m=6),
+         along((0, 0.4, 1.5), length_m=60, up_deg=8, yaw_deg=20)),
+        ("girders 2", girder_bridge(GirderBridge(), name="demo").faces,
+         along((-13, -6.9, 1.45), length_m=26, up_deg=10, yaw_deg=18)),
+        ("soffit 2", _soffit(5.0), along((0, 0, 1.5), length_m=50, up_deg=58)),
+        ("tunnel 2", _box_tunnel(7, 5), along((0, -0.5, 1.6), length_m=50, up_deg=10)),
+        ("slab on piers 2", _slab_bridge(9, 9, 5.2),
+         along((-9, -5.5, 1.5), length_m=16, up_deg=15, yaw_deg=20)),
+        ("ribbed tunnel, then smooth 2",
+         _round_tunnel(4.6) + _ribs(-40, 10, width_m=7.4, height_m=5),
+         along((0, -0.3, 1.6), length_m=50, up_deg=5, yaw_deg=-15)),
+    ]  # fmt: skip
+
+
+def _scored_scenes() -> _Plan:
+    wide = GirderBridge(
+        deck_width_m=10.0, abutment_y_m=9.0, abutment_height_m=3.6, girder_count=4,
+        girder_spacing_m=2.5, girder_depth_m=1.1, column_x_m=(-3.0, 3.0),
+    )  # fmt: skip
+    deep = GirderBridge(
+        deck_width_m=14.0, abutment_y_m=12.5, abutment_height_m=4.8, girder_count=6,
+        girder_spacing_m=2.4, girder_depth_m=1.5, column_x_m=(-5.0, 0.0, 5.0),
+    )  # fmt: skip
+    return [
+        ("girders", girder_bridge(wide, name="wide").faces,
+         along((-14, -5.8, 1.55), length_m=28, up_deg=18, yaw_deg=-10, speed_m_s=1.0)),
+        ("soffit", _soffit(4.3), along((0, 0, 1.55), length_m=36, up_deg=52, speed_m_s=0.9)),
+        ("tunnel", _round_tunnel(3.3), along((0, 0.4, 1.4), length_m=44, up_deg=9, yaw_deg=8)),
+        ("girders 2", girder_bridge(deep, name="deep").faces,
+         along((-15, -8.4, 1.4), length_m=32, up_deg=22, yaw_deg=20, speed_m_s=1.3)),
+        ("soffit 2", _soffit(7.6), along((0, 0, 1.6), length_m=44, up_deg=68)),
+        ("tunnel 2", _box_tunnel(9.5, 5.6),
+         along((0, 1.2, 1.5), length_m=38, up_deg=14, yaw_deg=-12, speed_m_s=0.8)),
+        ("slab on piers", _slab_bridge(10, 10, 4.9),
+         along((-9.5, -6.2, 1.5), length_m=17, up_deg=13, yaw_deg=17, speed_m_s=1.0)),
+        ("ribbed tunnel, then smooth",
+         _box_tunnel(6.4, 4.6) + _ribs(-34, 12, width_m=6.4, height_m=4.6),
+         along((0, 0.2, 1.45), length_m=54, up_deg=7, yaw_deg=12)),
+    ]  # fmt: skip
+
+
 def trials(part: str, *, seconds: float = 60.0) -> list[Trial]:
     """Return the trials that thresholds are set on (``set``) or that are scored (``scored``)."""
-    if part == "set":
-        other = GirderBridge(
-            deck_width_m=12.0, abutment_y_m=11.0, abutment_height_m=4.2, girder_count=5,
-            girder_spacing_m=2.6, girder_depth_m=1.3, column_x_m=(-4.0, 0.0, 4.0),
-        )  # fmt: skip
-        plan = [
-            ("girders", girder_bridge(other, name="other").faces,
-             along((-16, -7.5, 1.5), length_m=30, up_deg=14, yaw_deg=12)),
-            ("soffit", _soffit(6.5), along((0, 0, 1.4), length_m=40, up_deg=64)),
-            ("tunnel", _round_tunnel(4.0), along((0, 0, 1.5), length_m=40, up_deg=6)),
-            ("slab on piers", _slab_bridge(11, 8, 4.6),
-             along((-10, -4.5, 1.5), length_m=18, up_deg=12, yaw_deg=14)),
-            ("ribbed tunnel, then smooth",
-             _box_tunnel(8, 6) + _ribs(-30, 14, width_m=8, height_m=6),
-             along((0, 0.4, 1.5), length_m=60, up_deg=8, yaw_deg=20)),
-        ]  # fmt: skip
-        seed = 100
-    else:
-        plan = [
-            ("girders", girder_bridge(GirderBridge(), name="demo").faces,
-             along((-13, -6.9, 1.45), length_m=26, up_deg=10, yaw_deg=18)),
-            ("soffit", _soffit(5.0), along((0, 0, 1.5), length_m=50, up_deg=58)),
-            ("tunnel", _box_tunnel(7, 5), along((0, -0.5, 1.6), length_m=50, up_deg=10)),
-            ("slab on piers", _slab_bridge(9, 9, 5.2),
-             along((-9, -5.5, 1.5), length_m=16, up_deg=15, yaw_deg=20)),
-            ("ribbed tunnel, then smooth",
-             _round_tunnel(4.6) + _ribs(-40, 10, width_m=7.4, height_m=5),
-             along((0, -0.3, 1.6), length_m=50, up_deg=5, yaw_deg=-15)),
-        ]  # fmt: skip
-        seed = 200
+    plan, seed = (_scenes_to_set(), 100) if part == "set" else (_scored_scenes(), 300)
     return [
         Trial(name, Scene(name, tuple(faces)), walk, seconds, seed + k)
         for k, (name, faces, walk) in enumerate(plan)

@@ -23,7 +23,7 @@ from civil_rgbd.odometry.quality import (
     quality_of,
 )
 from civil_rgbd.odometry.run import Step, estimate_poses
-from civil_rgbd.odometry.words import WeakStretch, weak_stretches
+from civil_rgbd.odometry.words import WeakStretch, carried_stretches, weak_stretches
 
 _LEAST_TIMEOUT_S, _TIMEOUT_FACTOR = 600.0, 30.0
 _ALL_ROUND_DEG: Final = 270.0
@@ -37,6 +37,7 @@ class JudgedPoses:
         trajectory: ``T_map_imu`` with quality; each pose holds at its own stamp, LiDAR clock.
         measures: what the quality was made from.
         weak: stretches that cannot be trusted.
+        carried: stretches where surfaces give out, yet the IMU carries the poses.
         engine: that found the poses.
         remarks: what was odd or assumed, in words.
     """
@@ -44,6 +45,7 @@ class JudgedPoses:
     trajectory: Trajectory
     measures: PoseMeasures
     weak: tuple[WeakStretch, ...]
+    carried: tuple[WeakStretch, ...]
     engine: Engine
     remarks: tuple[str, ...]
 
@@ -61,6 +63,8 @@ class JudgedPoses:
     def details(self) -> dict[str, NDArray[np.float64]]:
         """Return the measures behind the quality, column by column."""
         return {
+            "drift_m": self.measures.drift_m,
+            "drift_rad": self.measures.drift_rad,
             "held_by": self.measures.held_by[:, 0],
             "residual_m": self.measures.residual_m,
             "overlap": self.measures.overlap,
@@ -90,8 +94,11 @@ class JudgedPoses:
             )
             lines += [f"    {stretch.to_text()}" for stretch in self.weak]
             lines.append(f"  leave them out: --set poses.min_quality={LOW_QUALITY}")
-        else:
+        elif not self.carried:
             lines.append("  the surfaces hold every pose")
+        if self.carried:
+            lines.append("  geometry gives out, but not for long, and the IMU carries the poses:")
+            lines += [f"    {stretch.to_text()}" for stretch in self.carried]
         lines.append(f"  next: civil-rgbd build --trajectory {file} --pose-of imu ...")
         return "\n".join(lines)
 
@@ -162,6 +169,7 @@ def judged_poses(
         replace(found.trajectory, quality=quality),
         measures,
         tuple(weak_stretches(measures, quality, limits)),
+        tuple(carried_stretches(measures, quality)),
         engine,
         remarks,
     )

@@ -1,4 +1,4 @@
-"""How far each pose can be trusted: what holds it, how well it fits, how fast it moves."""
+"""How far each pose can be trusted: how far it may drift, how well it fits, how fast it moves."""
 
 from __future__ import annotations
 
@@ -15,8 +15,11 @@ from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.scan import LidarScan
 from civil_rgbd.geometry.trajectory import Trajectory
 from civil_rgbd.geometry.transforms import rotate, transform_points
+from civil_rgbd.odometry.drift import Drift, measure_drift
 from civil_rgbd.odometry.imu import SteadyImu
+from civil_rgbd.odometry.inertial import inertial_steps
 from civil_rgbd.odometry.input_bag import returns
+from civil_rgbd.odometry.rest import begins_in_motion, still_poses
 from civil_rgbd.odometry.surfaces import Cells, Planes, cells_of, keys_of, merged, planes_of
 
 Progress = Callable[[int, int], object]
@@ -24,12 +27,10 @@ Progress = Callable[[int, int], object]
 
 _BLOCKS, _BLOCK_SCANS = 5, 10  # a scan is held against itself and the five to six seconds before
 _RANGE_M: Final = (0.5, 150.0)
-_MEAN_S, _CARRIED_S, _REST_S = 1.0, 1.5, 0.5
-_STILL_M_S, _STILL_RAD_S, _REST_FORCE_M_S2 = 0.08, 0.05, 0.05
-_FEWEST_READINGS: Final = 10
+DRIFT_OF_ONE_M, TURN_OF_ONE_RAD = 0.04, 0.006  # over a second, of a pose with quality 1
 _SETTLES_S: Final = 1.5
-_STANDS_FORCE_M_S2, _STANDS_RAD_S = 0.4, 0.15  # of a person who stands, the sensor in the hand
-_HELD_AT_REST: Final = 10.0
+_BELIEVED: Final = 0.5  # of the standard deviation: it came out some three times too large
+_BEST: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,9 +46,11 @@ class PoseMeasures:
         overlap: (P,) share of the scan's points that meet a plane.
         speed_m_s: (P,) from the pose before.
         turn_rad_s: (P,) from the pose before.
-        still: (P,) bool, IMU and poses both say that nothing moves.
+        drift_m: (P,) how far the pose may be off over the second around it: what is seen of that
+            and what nobody can tell, together.
+        drift_rad: (P,) how far it turns otherwise than the gyroscope over that second.
         settling: (P,) bool, the first moments of a recording that begins in motion: an engine
-            takes gravity and velocity from them as if it stood.
+            takes gravity and velocity from them as if it stood. Only to say so.
     """
 
     stamps_ns: NDArray[np.int64]
@@ -56,7 +59,8 @@ class PoseMeasures:
     overlap: NDArray[np.float64]
     speed_m_s: NDArray[np.float64]
     turn_rad_s: NDArray[np.float64]
-    still: NDArray[np.bool_]
+    drift_m: NDArray[np.float64]
+    drift_rad: NDArray[np.float64]
     settling: NDArray[np.bool_]
 
 
@@ -76,7 +80,8 @@ class Limits:
 
 
 LOW_QUALITY: Final = 0.5
-"""Below this geometry holds a pose no longer; set on scenes other than the ones it is scored on."""
+"""Poses below this cannot be trusted: they may drift by 8 cm or 0.7 degrees over a second. Set on
+scenes other than the ones it is scored on."""
 
 
 def measure_poses(
@@ -99,80 +104,68 @@ def measure_poses(
         on_progress: called scan by scan.
     """
     count = len(scan_indices)
-    held_by, residual, overlap = np.zeros((count, 3)), np.full(count, np.nan), np.zeros(count)
+    held, residual, overlap = np.zeros((count, 3, 3)), np.full(count, np.nan), np.zeros(count)
     recent = _RecentMap()
     for k, index in enumerate(scan_indices.tolist()):
         points = points_in_map(recording.read_scan(index), trajectory, T_imu_lidar)
         recent.add(cells_of(points))
-        held_by[k], residual[k], overlap[k] = _against(points, recent.planes())
+        held[k], residual[k], overlap[k] = _against(points, recent.planes())
         on_progress(1, count)
     if count > 1:
         # The first scan lies before the first pose, so nothing of it is in the map.
-        held_by[0], residual[0], overlap[0] = held_by[1], residual[1], overlap[1]
-    speed, turn = _motion(trajectory)
+        held[0], residual[0], overlap[0] = held[1], residual[1], overlap[1]
+    velocity, turn = _motion(trajectory)
+    drift = _drift(trajectory, held, velocity, turn, imu)
     stamps = trajectory.stamps_ns
-    still = (speed < _STILL_M_S) & (turn < _STILL_RAD_S) & _imu_rests(imu, stamps)
-    settling = (stamps - stamps[0] < round(_SETTLES_S * NS_PER_S)) & _begins_in_motion(imu)
-    return PoseMeasures(stamps, held_by, residual, overlap, speed, turn, still, settling)
+    at_first = stamps - stamps[0] < round(_SETTLES_S * NS_PER_S)
+    return PoseMeasures(
+        stamps_ns=stamps,
+        held_by=np.linalg.eigvalsh(held).clip(min=0.0),
+        residual_m=residual,
+        overlap=overlap,
+        speed_m_s=np.sqrt((velocity**2).sum(axis=1)),
+        turn_rad_s=turn,
+        drift_m=np.hypot(drift.seen_m, _BELIEVED * drift.unsure_m),
+        drift_rad=drift.turn_rad,
+        settling=at_first & begins_in_motion(imu),
+    )
 
 
 def quality_of(measures: PoseMeasures, limits: Limits | None = None) -> NDArray[np.float64]:
     """Turn measures into one number a pose: larger is better, 0 is worthless.
 
-    It is the number of planes that hold the scan where it is held worst, averaged over a second,
-    as an engine's filter does too. The best of the last moments counts, since the IMU carries a
-    known velocity that far; while nothing moves, nothing slides. A pose that fits badly counts
-    less, one that moves as nobody walks counts nothing.
+    It is 4 cm over the drift to expect in a second, or 0.34 degrees over the turn, whichever is
+    less. A pose that fits badly counts less, one that moves as nobody walks counts nothing.
 
     Args:
         measures: of all poses.
         limits: of speed and fit; None are those of a walk.
 
     Returns:
-        (P,) float64.
+        (P,) float64, at most 10.
     """
     limits = limits or Limits()
-    least = measures.held_by[:, 0]
-    held = np.where(measures.still, np.maximum(least, _HELD_AT_REST), least)
-    held = _over_the_last(held, measures.stamps_ns, _MEAN_S, np.mean)
-    held = _over_the_last(held, measures.stamps_ns, _CARRIED_S, np.max)
+    shares = measures.drift_m / DRIFT_OF_ONE_M, measures.drift_rad / TURN_OF_ONE_RAD
+    quality = 1 / np.maximum(np.maximum(*shares), 1 / _BEST)
     fits = np.nan_to_num(limits.residual_m / np.maximum(measures.residual_m, 1e-9), nan=1.0)
     possible = (measures.speed_m_s <= limits.speed_m_s) & (measures.turn_rad_s <= limits.turn_rad_s)
-    possible &= ~measures.settling
-    quality: NDArray[np.float64] = np.where(possible, held * fits.clip(max=1.0), 0.0)
-    return quality
+    judged: NDArray[np.float64] = np.where(possible, quality * fits.clip(max=1.0), 0.0)
+    return judged
 
 
-def _over_the_last(
-    values: NDArray[np.float64],
-    stamps_ns: NDArray[np.int64],
-    seconds: float,
-    summary: Callable[[NDArray[np.float64]], float],
-) -> NDArray[np.float64]:
-    first = np.searchsorted(stamps_ns, stamps_ns - round(seconds * NS_PER_S), side="right")
-    return np.array([summary(values[a : k + 1]) for k, a in enumerate(first.tolist())])
-
-
-def _begins_in_motion(imu: SteadyImu) -> bool:
-    first = imu.stamps_ns < imu.stamps_ns[0] + round(_REST_S * NS_PER_S)
-    shakes = float(imu.forces_m_s2[first].std(axis=0).max())
-    turns = float(np.abs(imu.rates_rad_s[first].mean(axis=0)).max())
-    return shakes > _STANDS_FORCE_M_S2 or turns > _STANDS_RAD_S
-
-
-def _imu_rests(imu: SteadyImu, stamps_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell for each instant whether the half second before it was without motion: (P,) bool."""
-    first = np.searchsorted(imu.stamps_ns, stamps_ns - round(_REST_S * NS_PER_S))
-    last = np.searchsorted(imu.stamps_ns, stamps_ns, side="right")
-    rests = np.zeros(len(stamps_ns), dtype=np.bool_)
-    for k, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
-        if b - a >= _FEWEST_READINGS:
-            force, rate = imu.forces_m_s2[a:b], imu.rates_rad_s[a:b]
-            rests[k] = (
-                force.std(axis=0).max() < _REST_FORCE_M_S2
-                and np.abs(rate.mean(axis=0)).max() < _STILL_RAD_S
-            )
-    return rests
+def _drift(
+    trajectory: Trajectory,
+    held: NDArray[np.float64],
+    velocities_m_s: NDArray[np.float64],
+    turns_rad_s: NDArray[np.float64],
+    imu: SteadyImu,
+) -> Drift:
+    stamps = trajectory.stamps_ns
+    if len(stamps) < 2:
+        unknown = np.full(len(stamps), np.inf)  # a single pose goes nowhere that could be judged
+        return Drift(unknown, unknown, unknown)
+    still = still_poses(imu, stamps, velocities_m_s, turns_rad_s, held)
+    return measure_drift(trajectory, held, still, inertial_steps(trajectory, imu, still))
 
 
 class _RecentMap:
@@ -211,34 +204,31 @@ def points_in_map(
 
 
 def held_by_planes(normals: NDArray[np.float64], doubt: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the eigenvalues of the sum of n n^T over unit normals.
+    """Return the sum of n n^T over unit normals.
 
     Args:
         normals: (K, 3).
         doubt: (K,) variance of their directions, rad^2; what it adds is taken off.
 
     Returns:
-        (3,) ascending, 0 or more.
+        (3, 3) symmetric. Its eigenvalues say how many planes oppose a slide along its axes.
 
-    >>> held_by_planes(np.eye(3)[[0, 0, 1]], np.zeros(3)).round(6).tolist()
-    [0.0, 1.0, 2.0]
+    >>> held_by_planes(np.eye(3)[[0, 0, 1]], np.zeros(3)).diagonal().tolist()
+    [2.0, 1.0, 0.0]
     """
-    if not len(normals):
-        return np.zeros(3)
-    held: NDArray[np.float64] = np.linalg.eigvalsh(normals.T @ normals) - doubt.sum()
-    return held.clip(min=0.0)
+    return normals.T @ normals - doubt.sum() * np.eye(3)
 
 
 def _against(
     points_map: NDArray[np.float64], planes: Planes
 ) -> tuple[NDArray[np.float64], float, float]:
     if not len(points_map) or not len(planes.keys):
-        return np.zeros(3), np.nan, 0.0
+        return np.zeros((3, 3)), np.nan, 0.0
     keys = keys_of(points_map)
     at = np.minimum(np.searchsorted(planes.keys, keys), len(planes.keys) - 1)
     met = planes.keys[at] == keys
     if not met.any():
-        return np.zeros(3), np.nan, 0.0
+        return np.zeros((3, 3)), np.nan, 0.0
     off = ((points_map[met] - planes.middles_m[at[met]]) * planes.normals[at[met]]).sum(axis=1)
     hit = np.unique(at[met])
     held_by = held_by_planes(planes.normals[hit], planes.doubt[hit])
@@ -246,12 +236,12 @@ def _against(
 
 
 def _motion(trajectory: Trajectory) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return speed and turn rate of each pose, from the one before; the first's from the next."""
+    """Return velocity (P, 3) and turn rate, from the pose before; the first's from the next."""
     if len(trajectory.stamps_ns) < 2:
-        return np.zeros(1), np.zeros(1)
+        return np.zeros((1, 3)), np.zeros(1)
     step_s = np.diff(trajectory.stamps_ns) / NS_PER_S
-    moved = np.sqrt((np.diff(trajectory.translations_m, axis=0) ** 2).sum(axis=1))
     q = trajectory.quaternions_xyzw
     half = np.abs((q[1:] * q[:-1]).sum(axis=1)).clip(max=1.0)
-    speed, turn = moved / step_s, 2 * np.arccos(half) / step_s
-    return np.concatenate([speed[:1], speed]), np.concatenate([turn[:1], turn])
+    velocity = np.diff(trajectory.translations_m, axis=0) / step_s[:, np.newaxis]
+    turn = 2 * np.arccos(half) / step_s
+    return np.concatenate([velocity[:1], velocity]), np.concatenate([turn[:1], turn])
