@@ -68,6 +68,12 @@ class BridgeDataset(Dataset[dict[str, Any]]):
         """Ids of the bridges that have a frame here."""
         return self._index.bridges
 
+    @property
+    def sizes_px(self) -> dict[str, tuple[int, int]]:
+        """Height and width of the images of each bridge."""
+        sizes = zip(self._index.bridges, self._index.sizes_px.tolist(), strict=True)
+        return {bridge: (height, width) for bridge, (height, width) in sizes}
+
     def __len__(self) -> int:
         """Count the frames."""
         return len(self._index)

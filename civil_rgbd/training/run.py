@@ -1,0 +1,316 @@
+"""A training run in a folder: begun, gone on with after a kill, and finished by its model file."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import torch
+
+from civil_rgbd.baselines.checkpoints import load_weights, save_model
+from civil_rgbd.baselines.imagenet import load_encoder_weights
+from civil_rgbd.baselines.model import MODEL_FILE, load_model
+from civil_rgbd.baselines.torch_model import TorchDepthModel
+from civil_rgbd.domain.split import Split
+from civil_rgbd.errors import TrainingError, UsageError
+from civil_rgbd.format.atomic import writing
+from civil_rgbd.format.documents import document_text, read_document, write_text
+from civil_rgbd.format.layout import bridge_folders
+from civil_rgbd.format.reader import read_bridge
+from civil_rgbd.format.split_files import write_split
+from civil_rgbd.training.checkpoint import (
+    CHECKPOINT,
+    read_checkpoint,
+    refuse_other_run,
+    write_checkpoint,
+)
+from civil_rgbd.training.frames import TrainingFrames, load_batches
+from civil_rgbd.training.journal import BOARD, STEPS, Journal, StepRecord, read_steps
+from civil_rgbd.training.loop import TrainingLoop
+from civil_rgbd.training.norms import estimate_norms
+from civil_rgbd.training.order import TrainingOrder
+from civil_rgbd.training.processes import Processes, joined
+from civil_rgbd.training.recipe import TrainingRecipe
+
+RUN: Final = "run.json"
+"""What a run is: recipe, seed, split."""
+
+SPLIT: Final = "split.json"
+"""The frames that train and that are scored."""
+
+_OWN_FILES: Final = (MODEL_FILE, CHECKPOINT, STEPS, SPLIT, RUN)
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingJob:
+    """What to train.
+
+    Attributes:
+        data: a dataset folder.
+        split: its ``train`` is trained with.
+        recipe: every number.
+        out: the run's folder.
+        seed: of weights, order and random changes.
+        weights: a run or checkpoint whose weights come first; None for the recipe's.
+    """
+
+    data: Path
+    split: Split
+    recipe: TrainingRecipe
+    out: Path
+    seed: int = 0
+    weights: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingOptions:
+    """How to train; nothing here changes what comes out, on one kind of device.
+
+    Attributes:
+        device: ``auto``, ``cpu``, ``cuda``, ``mps``.
+        workers: processes that decode; 0 for none.
+        imagenet: file of ImageNet weights; None fetches them when the recipe asks for them.
+        tensorboard: write for TensorBoard.
+        overwrite: delete another run in the same folder.
+        on_step: called with each step and the number of steps, in the first process.
+    """
+
+    device: str = "auto"
+    workers: int = 0
+    imagenet: Path | None = None
+    tensorboard: bool = True
+    overwrite: bool = False
+    on_step: Callable[[StepRecord, int], object] = lambda _record, _steps: None
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingReport:
+    """What was done.
+
+    Attributes:
+        out: the run's folder; ``model.pt`` is there.
+        frames: trained with.
+        steps: of the run.
+        steps_found: that were done before.
+        last_loss: of the last step.
+        seconds: that this took.
+    """
+
+    out: Path
+    frames: int
+    steps: int
+    steps_found: int
+    last_loss: float
+    seconds: float
+
+
+def train(job: TrainingJob, options: TrainingOptions | None = None) -> TrainingReport:
+    """Train a model; a run that was stopped is gone on with, one that is finished is left alone.
+
+    Under ``torchrun`` every process calls this.
+
+    Args:
+        job: what to train.
+        options: how.
+
+    Raises:
+        UsageError: a bridge, frame, model or device is not there, or there is nothing to learn.
+        TrainingError: another run lies in the folder, or the loss is not finite.
+        FormatError: a file is damaged.
+        OutputError: the folder cannot be written.
+        MissingExtraError: a package is missing.
+    """
+    options = options or TrainingOptions()
+    started = time.monotonic()
+    _refuse_nothing_to_learn(job)
+    with joined(options.device) as processes:
+        _refuse_uneven(job.recipe, processes)
+        identity = _identity(job, processes)
+        if processes.is_first:
+            _prepare_folder(job, identity, overwrite=options.overwrite)
+        frames = TrainingFrames(job.data, job.split.train, job.recipe, seed=job.seed)
+        order = TrainingOrder(len(frames), job.recipe.run.batch, job.seed)
+        if (job.out / MODEL_FILE).is_file():
+            return _report(job, order, found=None, seconds=time.monotonic() - started)
+        loop = _begun(job, options, frames, order, processes)
+        state = read_checkpoint(job.out / CHECKPOINT, identity=identity)
+        if state is not None:
+            loop.restore(state)
+        found = loop.done
+        _run(loop, frames, job, options, identity)
+        _finish(loop, frames, job, options)
+        return _report(job, order, found=found, seconds=time.monotonic() - started)
+
+
+def _refuse_nothing_to_learn(job: TrainingJob) -> None:
+    """Refuse a training set without one measured pixel in range: the index knows without images."""
+    low, high = job.recipe.input.min_depth_m, job.recipe.input.max_depth_m
+    bridges = [read_bridge(folder) for folder in bridge_folders(job.data).values()]
+    wanted = {name: set(ids) for name, ids in job.split.train.items()}
+    rows = [
+        row
+        for bridge in bridges
+        for row in bridge.rows
+        if row.frame_id in wanted.get(bridge.manifest.info.bridge_id, ())
+    ]
+    if not any(r.valid_share > 0 and r.depth_min_m < high and r.depth_max_m > low for r in rows):
+        raise UsageError(
+            f"there is nothing to learn: none of {len(rows)} training frames has a measured pixel "
+            f"between {low:g} and {high:g} m",
+            where=job.data,
+            fix="choose other bridges, or widen input.min_depth_m and input.max_depth_m",
+        )
+
+
+def _refuse_uneven(recipe: TrainingRecipe, processes: Processes) -> None:
+    if recipe.run.batch % processes.count:
+        raise UsageError(
+            f"a batch of {recipe.run.batch} does not divide among {processes.count} processes",
+            where="run.batch",
+            fix=f"give a multiple: --set run.batch={processes.count * 4}",
+        )
+
+
+def _identity(job: TrainingJob, processes: Processes) -> dict[str, Any]:
+    return {
+        "recipe": job.recipe.sha256(),
+        "seed": job.seed,
+        "split": job.split.sha256(),
+        "processes": processes.count,
+        "weights": None if job.weights is None else job.weights.name,
+    }
+
+
+def _prepare_folder(job: TrainingJob, identity: dict[str, Any], *, overwrite: bool) -> None:
+    path = job.out / RUN
+    with writing(job.out):
+        job.out.mkdir(parents=True, exist_ok=True)
+        if overwrite and path.is_file() and read_document(path)["identity"] != identity:
+            for name in _OWN_FILES:
+                (job.out / name).unlink(missing_ok=True)
+            shutil.rmtree(job.out / BOARD, ignore_errors=True)
+    if path.is_file():
+        refuse_other_run(read_document(path)["identity"], identity, where=job.out)
+        return
+    write_split(job.out / SPLIT, job.split)
+    document = {
+        "civil_rgbd_run": 1,
+        "identity": identity,
+        "data": job.data.resolve().name,
+        "recipe": job.recipe.to_document(),
+        "software": {"torch": str(torch.__version__)},
+    }
+    write_text(path, document_text(document))
+
+
+def _begun(
+    job: TrainingJob,
+    options: TrainingOptions,
+    frames: TrainingFrames,
+    order: TrainingOrder,
+    processes: Processes,
+) -> TrainingLoop:
+    torch.manual_seed(job.seed)
+    if processes.device.type == "cuda":
+        torch.backends.cudnn.benchmark = False
+        torch.use_deterministic_algorithms(mode=True, warn_only=True)
+    recipe = job.recipe
+    model = _model(recipe, frames)
+    if job.weights is not None:
+        load_weights(model, job.weights / MODEL_FILE if job.weights.is_dir() else job.weights)
+    elif recipe.run.pretrained and not (job.out / CHECKPOINT).is_file():
+        load_encoder_weights(model.network.encoder, *filter(None, [options.imagenet]))  # type: ignore[arg-type]  # only BTS has such an encoder; its recipe says so
+    if recipe.run.freeze_early_layers:
+        model.freeze_early_layers()
+    frames.crop_to_multiples(model.side_multiple)
+    model.to(processes.device)
+    torch.manual_seed(job.seed + processes.rank)  # each process has its own random numbers
+    return TrainingLoop(model, recipe, order, processes)
+
+
+def _model(recipe: TrainingRecipe, frames: TrainingFrames) -> TorchDepthModel:
+    options = dict(recipe.model_options)
+    if recipe.input.width_px and recipe.input.model_resizes:
+        height, width = frames.prepared_px
+        options = {"height_px": height, "width_px": width} | options
+    model = load_model(recipe.model, **options)
+    if not isinstance(model, TorchDepthModel):
+        raise UsageError(
+            f"the model {recipe.model!r} cannot be trained: it is a {type(model).__name__}",
+            where=f"training recipe {recipe.name}",
+            fix="derive it from civil_rgbd.baselines.torch_model.TorchDepthModel",
+        )
+    return model
+
+
+def _run(
+    loop: TrainingLoop,
+    frames: TrainingFrames,
+    job: TrainingJob,
+    options: TrainingOptions,
+    identity: dict[str, Any],
+) -> None:
+    processes, order = loop.processes, loop.order
+    every = job.recipe.run.checkpoint_every or order.steps_of(1)
+    places = order.batches(loop.done, loop.steps, rank=processes.rank, processes=processes.count)
+    batches = load_batches(frames, places, workers=options.workers)
+    journal = (
+        Journal(job.out, done=loop.done, board=options.tensorboard) if processes.is_first else None
+    )
+    try:
+        for batch in batches:
+            record = loop.step(batch)
+            if journal is not None:
+                journal.add(record)
+                options.on_step(record, loop.steps)
+            if record.step % every == 0 or record.step == loop.steps:
+                state = loop.state()
+                if processes.is_first:
+                    write_checkpoint(job.out / CHECKPOINT, state | {"identity": identity})
+    finally:
+        if journal is not None:
+            journal.close()
+
+
+def _finish(
+    loop: TrainingLoop, frames: TrainingFrames, job: TrainingJob, options: TrainingOptions
+) -> None:
+    """Write the model: averaged weights where there are, statistics estimated once more."""
+    processes, count = loop.processes, job.recipe.run.norm_batches
+    if loop.average is not None:
+        loop.average.put_into(loop.model)
+    if count:
+        places = loop.order.batches(
+            loop.steps, loop.steps + count, rank=processes.rank, processes=processes.count
+        )
+        batches = load_batches(frames, places, workers=options.workers)
+        estimate_norms(loop.model, batches, loop.forward)
+    if processes.is_first:
+        save_model(loop.model, job.out / MODEL_FILE)
+        with writing(job.out):
+            (job.out / CHECKPOINT).unlink(missing_ok=True)
+
+
+def _report(
+    job: TrainingJob, order: TrainingOrder, *, found: int | None, seconds: float
+) -> TrainingReport:
+    records = read_steps(job.out)
+    if not records:
+        raise TrainingError(
+            f"the run has a model and no {STEPS}",
+            where=job.out,
+            fix="give --overwrite to train it again",
+        )
+    last = records[-1]
+    return TrainingReport(
+        out=job.out,
+        frames=order.frames,
+        steps=last.step,
+        steps_found=last.step if found is None else found,
+        last_loss=last.loss,
+        seconds=seconds,
+    )
