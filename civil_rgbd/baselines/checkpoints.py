@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import codecs
 import os
 import pickle
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 from zipfile import BadZipFile
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -198,8 +201,11 @@ def read_tensors(path: Path) -> Mapping[str, Any]:
     if path.suffix == ".safetensors":
         return _read_safetensors(path)
     try:
-        # weights_only: a checkpoint from elsewhere must not run code.
-        document = torch.load(path, map_location="cpu", weights_only=True)
+        # weights_only: a checkpoint from elsewhere must not run code. Counters in numpy's arrays,
+        # which the authors of BTS keep beside the weights, are data.
+        with warnings.catch_warnings(), torch.serialization.safe_globals(_numpy_data()):
+            warnings.simplefilter("ignore")  # of pickle's version: it loads, or it is refused below
+            document = torch.load(path, map_location="cpu", weights_only=True)
     except (RuntimeError, EOFError, BadZipFile, pickle.UnpicklingError, ValueError) as error:
         damage = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         raise FormatError(
@@ -215,6 +221,18 @@ def read_tensors(path: Path) -> Mapping[str, Any]:
             fix="save a state_dict: torch.save(model.state_dict(), path)",
         )
     return document
+
+
+def _numpy_data() -> list[Any]:
+    """What numpy's arrays and numbers are pickled with, by numpy 1 and 2: it makes data only."""
+    arrays, numbers = np.zeros(1).__reduce__()[0], np.float64(0).__reduce__()[0]
+    renamed = [
+        (function, f"numpy.{module}.multiarray.{name}")
+        for function, name in ((arrays, "_reconstruct"), (numbers, "scalar"))
+        for module in ("core", "_core")
+    ]
+    kinds = {type(np.dtype(kind)) for kind in (*np.sctypeDict.values(), np.str_)}
+    return [np.ndarray, np.dtype, (codecs.encode, "_codecs.encode"), *renamed, *kinds]
 
 
 def _read_safetensors(path: Path) -> Mapping[str, Any]:

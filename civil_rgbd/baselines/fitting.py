@@ -51,7 +51,8 @@ class InputFit:
                 where="width_px, height_px",
                 fix="give both, or neither",
             )
-        if min(self.side_multiple, self.width_px or 1, self.height_px or 1) < 1:
+        sides = (self.side_multiple, self.width_px, self.height_px)
+        if min(side for side in sides if side is not None) < 1:
             raise UsageError(
                 f"the input has no pixels: {self.width_px} x {self.height_px}",
                 where="width_px, height_px",
