@@ -167,7 +167,7 @@ def our_topics(path: Path) -> dict[str, int]:
 def our_walk(path: Path) -> dict[str, int]:
     """Learn stamps, frames, poses and places of every message."""
     table = TopicTable()
-    found = walk_files(BAG, [path], table.sink_for, checksums=False)
+    found = walk_files(BAG, [path], table.sink_for)
     found.payloads.close()
     roles = ("lidar", "image", "camera_info", "imu", "pose", "tf")
     return {topic.name: topic.gathered.count for role in roles for topic in table.of_role(role)}

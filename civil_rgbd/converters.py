@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -13,6 +13,8 @@ from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.recording import Recording, RecordingOptions
 from civil_rgbd.errors import RecordingError, UsageError
 from civil_rgbd.resources import nearest
+from civil_rgbd.storage.places import Place, place_of
+from civil_rgbd.storage.remote_path import RemotePath
 
 ENTRY_POINT_GROUP = "civil_rgbd.converters"
 """A converter is ``open_recording(location, options) -> Recording`` under this group.
@@ -21,7 +23,8 @@ Its name is the file suffix that it opens (``mcap`` for ``scan.mcap``), or the w
 of a location that is no file (``simulated:demo``). A folder goes to the converter that has the name
 of a file inside (``metadata.yaml``), else to the one that opens the files inside. A module with
 ``open_motion`` beside it gives LiDAR and IMU to odometry as well, one with ``inspect_recording``
-says what a recording lacks, and ``list_topics`` lists its topics without reading messages.
+says what a recording lacks, and ``list_topics`` lists its topics without reading messages. One with
+``READS_BY_RANGE`` is handed a :class:`civil_rgbd.storage.remote_path.RemotePath` for a URL.
 """
 
 
@@ -30,7 +33,7 @@ def converters() -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=ENTRY_POINT_GROUP)}
 
 
-def open_recording(location: str | Path, options: RecordingOptions | None = None) -> Recording:
+def open_recording(location: str | Place, options: RecordingOptions | None = None) -> Recording:
     """Open a raw recording with the converter that its suffix names.
 
     Args:
@@ -48,7 +51,7 @@ def open_recording(location: str | Path, options: RecordingOptions | None = None
     return cast("Recording", point.load()(given, options or RecordingOptions()))
 
 
-def open_motion(location: str | Path, options: RecordingOptions | None = None) -> MotionRecording:
+def open_motion(location: str | Place, options: RecordingOptions | None = None) -> MotionRecording:
     """Open LiDAR and IMU of a raw recording, which needs neither camera nor poses.
 
     Args:
@@ -73,7 +76,7 @@ def open_motion(location: str | Path, options: RecordingOptions | None = None) -
     return cast("MotionRecording", opener(given, options or RecordingOptions()))
 
 
-def can_inspect(location: str | Path) -> bool:
+def can_inspect(location: str | Place) -> bool:
     """Whether the converter of a recording looks at it without opening it.
 
     Raises:
@@ -85,7 +88,7 @@ def can_inspect(location: str | Path) -> bool:
 
 
 def inspect_recording(
-    location: str | Path, options: RecordingOptions | None = None
+    location: str | Place, options: RecordingOptions | None = None
 ) -> RecordingSummary:
     """Say what a raw recording holds, whether a build can use it or not.
 
@@ -108,7 +111,7 @@ def inspect_recording(
     return cast("RecordingSummary", inspector(given, options or RecordingOptions()))
 
 
-def list_topics(location: str | Path, options: RecordingOptions | None = None) -> TopicListing:
+def list_topics(location: str | Place, options: RecordingOptions | None = None) -> TopicListing:
     """List the topics of a raw recording, from its own index where that holds.
 
     Args:
@@ -130,12 +133,14 @@ def list_topics(location: str | Path, options: RecordingOptions | None = None) -
     return cast("TopicListing", lister(given, options or RecordingOptions()))
 
 
-def _converter_of(location: str | Path) -> tuple[EntryPoint, str | Path]:
+def _converter_of(location: str | Place) -> tuple[EntryPoint, str | Place]:
     known = converters()
     name, colon, _ = str(location).partition(":")
     if colon and name in known:
         return known[name], location
-    path = Path(location)
+    path = place_of(location)
+    if isinstance(path, RemotePath):
+        return _converter_of_url(path, known), path
     found = _of_folder(path, known) if path.is_dir() else _of_file(path.name, known)
     if len(found) == 1:
         return known[found.pop()], path
@@ -158,6 +163,26 @@ def _converter_of(location: str | Path) -> tuple[EntryPoint, str | Path]:
         fix=nearest(suffix, known)
         + (" (a folder goes by its files)" if path.is_dir() else " (converters go by file suffix)"),
     )
+
+
+def _converter_of_url(url: RemotePath, known: Mapping[str, EntryPoint]) -> EntryPoint:
+    found = _of_file(url.name, known)
+    if not found:
+        raise UsageError(
+            f"no converter opens {url.name!r}",
+            where=url,
+            fix=f"{nearest(url.suffix.removeprefix('.').lower(), known)} (converters go by file "
+            "suffix; on object storage a recording is one file)",
+        )
+    point = known[found.pop()]
+    if not getattr(import_module(point.module), "READS_BY_RANGE", False):
+        raise UsageError(
+            f".{point.name} files are read from this machine's disk only",
+            where=url,
+            fix=f"download it first (`aws s3 cp {url} .`), or convert it to MCAP, which is read by "
+            "ranges",
+        )
+    return point
 
 
 def _of_file(name: str, known: Iterable[str]) -> set[str]:

@@ -1,13 +1,19 @@
-"""Data that ships inside the package: schemas and recipes; and what is like what."""
+"""Data that ships inside the package, the user's cache, and what is like what."""
 
 from __future__ import annotations
 
 import difflib
 import json
-from collections.abc import Iterable
+import os
+import sys
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib import resources
-from typing import Any
+from pathlib import Path
+from typing import Any, Final
+
+CACHE_VARIABLE: Final = "CIVIL_RGBD_CACHE"
+"""Environment variable that names the cache folder, whatever the platform's own."""
 
 
 @cache
@@ -45,3 +51,21 @@ def nearest(name: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(name, words, n=1, cutoff=0.4)
     listing = f"Known: {', '.join(words)}"
     return f"did you mean {close[0]!r}? {listing}" if close else listing
+
+
+def cache_folder(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> Path:
+    """Return where things that can be made again are kept.
+
+    >>> cache_folder({"XDG_CACHE_HOME": "/var/cache/me"}, "linux").as_posix()
+    '/var/cache/me/civil_rgbd'
+    """
+    own = environment.get(CACHE_VARIABLE)
+    if own:
+        return Path(own)
+    if platform == "win32":
+        local = environment.get("LOCALAPPDATA")
+        return (Path(local) if local else Path.home() / "AppData" / "Local") / "civil_rgbd"
+    if platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "civil_rgbd"
+    xdg = environment.get("XDG_CACHE_HOME")
+    return (Path(xdg) if xdg else Path.home() / ".cache") / "civil_rgbd"

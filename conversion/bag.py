@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Final
 
 from civil_rgbd.conversion.bag_container import walk
@@ -22,12 +21,16 @@ from civil_rgbd.domain.inspection import RecordingSummary, TopicListing
 from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.recording import Recording, RecordingOptions
 from civil_rgbd.errors import RecordingError
+from civil_rgbd.storage.places import Place
 
 _VERSION: Final = re.compile(rb"#ROS(?:BAG|RECORD) V(\d+\.\d+)")
 _ENCRYPTOR: Final = re.compile(rb"encryptor=([\w/:.-]{1,64})")
 
+READS_BY_RANGE: Final = True
+"""A recording may lie on object storage."""
 
-def open_recording(location: str | Path, options: RecordingOptions | None = None) -> Recording:
+
+def open_recording(location: str | Place, options: RecordingOptions | None = None) -> Recording:
     """Open a ROS 1 bag: read it once, keep stamps, places and poses.
 
     Args:
@@ -45,26 +48,26 @@ def open_recording(location: str | Path, options: RecordingOptions | None = None
     return open_files(files_of(BAG, location, options), options)
 
 
-def open_motion(location: str | Path, options: RecordingOptions | None = None) -> MotionRecording:
+def open_motion(location: str | Place, options: RecordingOptions | None = None) -> MotionRecording:
     """Open LiDAR and IMU of a bag, for odometry; errors as :func:`open_recording`."""
     options = options or RecordingOptions()
     return open_files_for_motion(files_of(BAG, location, options), options)
 
 
 def inspect_recording(
-    location: str | Path, options: RecordingOptions | None = None
+    location: str | Place, options: RecordingOptions | None = None
 ) -> RecordingSummary:
     """Say what a bag holds, whether a build can use it or not; errors as of a missing file."""
     options = options or RecordingOptions()
     return inspect_files(files_of(BAG, location, options), options)
 
 
-def list_topics(location: str | Path, options: RecordingOptions | None = None) -> TopicListing:
+def list_topics(location: str | Place, options: RecordingOptions | None = None) -> TopicListing:
     """List the topics, by the index where it holds; errors as of a missing file."""
     return list_files(files_of(BAG, location, options or RecordingOptions()))
 
 
-def _refuse(path: Path, start: bytes) -> None:
+def _refuse(path: Place, start: bytes) -> None:
     version = _VERSION.match(start)
     if version is None:
         raise RecordingError(

@@ -7,7 +7,6 @@ of connections that lay in what was lost, and compared with what was read.
 from __future__ import annotations
 
 import struct
-from pathlib import Path
 from typing import BinaryIO, Final
 
 from civil_rgbd.conversion.bag_index import counts_claimed
@@ -38,13 +37,14 @@ from civil_rgbd.conversion.container import (
     Sink,
     SinkFor,
 )
+from civil_rgbd.storage.places import Place
 
 _BUFFER_BYTES: Final = 1 << 14  # small messages lie close together, large ones are stepped over
 _SCAN_BYTES: Final = 1 << 20
 _START_BYTES: Final = 4096  # holds most small messages, and the header of every large one
 
 
-def walk(path: Path, sink_for: SinkFor, size_bytes: int, base: int = 0) -> Extent:
+def walk(path: Place, sink_for: SinkFor, size_bytes: int, base: int = 0) -> Extent:
     """Read every record of a bag once, and hand each message to its connection's sink.
 
     Memory holds one compressed chunk at a time. Damage does not stop the walk: it is noted, and

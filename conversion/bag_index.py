@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator
-from pathlib import Path
 from typing import BinaryIO, Final
 
 import numpy as np
@@ -29,6 +28,7 @@ from civil_rgbd.conversion.bag_records import (
     within,
 )
 from civil_rgbd.conversion.container import IndexedTopic
+from civil_rgbd.storage.places import Place
 
 _ENTRY: Final = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
 _LARGEST_INDEX_BYTES: Final = 1 << 30  # of a bag with tens of millions of chunks
@@ -44,7 +44,7 @@ _INDEX_HEAD: Final = re.compile(
 """An index record's header as every known writer makes it, with the lengths before and behind."""
 
 
-def read_index(path: Path) -> tuple[IndexedTopic, ...] | None:
+def read_index(path: Place) -> tuple[IndexedTopic, ...] | None:
     """Return the topics of a bag as its index has them, without reading a message.
 
     Args:

@@ -12,6 +12,7 @@ import lz4.frame
 import zstandard
 
 from civil_rgbd.errors import RecordingError
+from civil_rgbd.storage.places import Place
 
 LARGEST_CHUNK_BYTES: Final = 1 << 32
 """Writers make chunks of 1 to 100 MB; a larger claim is a damaged byte."""
@@ -126,7 +127,7 @@ def message_of(payload: memoryview, limit: int = -1) -> memoryview:
         raise ChunkError(f"a message cannot be decompressed: {error}") from error
 
 
-def is_packed(path: Path) -> bool:
+def is_packed(path: Place) -> bool:
     """Tell whether a whole file is compressed, by its name.
 
     >>> is_packed(Path("scan_0.db3.zstd"))

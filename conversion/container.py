@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from civil_rgbd.storage.places import Place
 
 NO_CHUNK: Final = -1
 """In place of a chunk's start, for messages that lie outside of compressed chunks."""
@@ -102,7 +103,7 @@ class IndexedTopic:
     log_times_ns: NDArray[np.int64]
 
 
-def no_index(_path: Path) -> None:
+def no_index(_path: Place) -> None:
     """Say that a kind of file has no index to go by."""
 
 
@@ -137,8 +138,8 @@ class Container:
     """
 
     name: str
-    refuse: Callable[[Path, bytes], None]
-    walk: Callable[[Path, SinkFor, int, int], Extent]
-    payloads: Callable[[Path, int], FilePayloads]
+    refuse: Callable[[Place, bytes], None]
+    walk: Callable[[Place, SinkFor, int, int], Extent]
+    payloads: Callable[[Place, int], FilePayloads]
     recompress: str
-    index: Callable[[Path], tuple[IndexedTopic, ...] | None] = no_index
+    index: Callable[[Place], tuple[IndexedTopic, ...] | None] = no_index

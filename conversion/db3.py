@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from civil_rgbd.conversion.container import Container
+from civil_rgbd.conversion.container import Container, Extent, SinkFor
 from civil_rgbd.conversion.db3_container import MAGIC, walk
 from civil_rgbd.conversion.db3_payloads import Db3Payloads
 from civil_rgbd.conversion.ros_files import (
@@ -19,6 +19,7 @@ from civil_rgbd.domain.inspection import RecordingSummary, TopicListing
 from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.recording import Recording, RecordingOptions
 from civil_rgbd.errors import RecordingError
+from civil_rgbd.storage.places import Place
 
 
 def open_recording(location: str | Path, options: RecordingOptions | None = None) -> Recording:
@@ -58,7 +59,7 @@ def list_topics(location: str | Path, options: RecordingOptions | None = None) -
     return list_files(files_of(DB3, location, options or RecordingOptions()))
 
 
-def _refuse(path: Path, start: bytes) -> None:
+def _refuse(path: Place, start: bytes) -> None:
     if not start.startswith(MAGIC):
         raise RecordingError(
             f"this is no SQLite file: it is empty or starts with {start[: len(MAGIC)]!r}",
@@ -67,11 +68,29 @@ def _refuse(path: Path, start: bytes) -> None:
         )
 
 
+def _local(path: Place) -> Path:
+    if isinstance(path, Path):
+        return path
+    raise RecordingError(
+        "SQLite reads files of this machine only",
+        where=path,
+        fix="download it first, or convert it to MCAP, which is read by ranges",
+    )
+
+
+def _walk(path: Place, sink_for: SinkFor, size_bytes: int, base: int) -> Extent:
+    return walk(_local(path), sink_for, size_bytes, base)
+
+
+def _payloads(path: Place, size_bytes: int) -> Db3Payloads:
+    return Db3Payloads(_local(path), size_bytes)
+
+
 DB3: Final = Container(
     name="db3",
     refuse=_refuse,
-    walk=walk,
-    payloads=Db3Payloads,
+    walk=_walk,
+    payloads=_payloads,
     recompress="compress it anew: `ros2 bag convert` with compression_format zstd",
 )
 """rosbag2's SQLite storage, alone or in a ROS 2 folder."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import OrderedDict
-from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 from civil_rgbd.conversion.compression import ChunkError
 from civil_rgbd.conversion.container import NO_CHUNK
 from civil_rgbd.errors import RecordingError
+from civil_rgbd.storage.places import Place
 
 _KEPT_CHUNKS: Final = 8
 _KEPT_BYTES: Final = 1 << 28
@@ -22,7 +22,7 @@ class ChunkedPayloads(ABC):
     differ in how a chunk is found and what a stored message looks like.
     """
 
-    def __init__(self, path: Path, size_bytes: int) -> None:
+    def __init__(self, path: Place, size_bytes: int) -> None:
         self._path, self._size_bytes = path, size_bytes
         self._file: BinaryIO | None = None
         self._chunks: OrderedDict[int, memoryview] = OrderedDict()
@@ -101,7 +101,7 @@ class ChunkedPayloads(ABC):
         self.close()
 
 
-def changed(path: Path) -> RecordingError:
+def changed(path: Place) -> RecordingError:
     """Compose the error for a file that was exchanged or written to."""
     return RecordingError(
         "the file is not the one that was opened: its length or content changed",
@@ -110,7 +110,7 @@ def changed(path: Path) -> RecordingError:
     )
 
 
-def no_longer(path: Path, error: Exception) -> RecordingError:
+def no_longer(path: Place, error: Exception) -> RecordingError:
     """Compose the error for a message that was there when the file was walked."""
     return RecordingError(
         f"a message can no longer be read: {error}",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Final
 
 from civil_rgbd.conversion.container import Container, Extent, SinkFor
@@ -20,9 +19,13 @@ from civil_rgbd.domain.inspection import RecordingSummary, TopicListing
 from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.recording import Recording, RecordingOptions
 from civil_rgbd.errors import RecordingError
+from civil_rgbd.storage.places import Place
+
+READS_BY_RANGE: Final = True
+"""A recording may lie on object storage."""
 
 
-def open_recording(location: str | Path, options: RecordingOptions | None = None) -> Recording:
+def open_recording(location: str | Place, options: RecordingOptions | None = None) -> Recording:
     """Open an MCAP file: read it once, keep stamps, places and poses.
 
     Args:
@@ -40,14 +43,14 @@ def open_recording(location: str | Path, options: RecordingOptions | None = None
     return open_files(files_of(MCAP, location, options), options)
 
 
-def open_motion(location: str | Path, options: RecordingOptions | None = None) -> MotionRecording:
+def open_motion(location: str | Place, options: RecordingOptions | None = None) -> MotionRecording:
     """Open LiDAR and IMU of an MCAP file, for odometry; errors as :func:`open_recording`."""
     options = options or RecordingOptions()
     return open_files_for_motion(files_of(MCAP, location, options), options)
 
 
 def inspect_recording(
-    location: str | Path, options: RecordingOptions | None = None
+    location: str | Place, options: RecordingOptions | None = None
 ) -> RecordingSummary:
     """Say what an MCAP file holds, whether a build can use it or not.
 
@@ -62,12 +65,12 @@ def inspect_recording(
     return inspect_files(files_of(MCAP, location, options), options)
 
 
-def list_topics(location: str | Path, options: RecordingOptions | None = None) -> TopicListing:
+def list_topics(location: str | Place, options: RecordingOptions | None = None) -> TopicListing:
     """List the topics, by the index where it holds; errors as of a missing file."""
     return list_files(files_of(MCAP, location, options or RecordingOptions()))
 
 
-def _refuse(path: Path, start: bytes) -> None:
+def _refuse(path: Place, start: bytes) -> None:
     if not start.startswith(MAGIC):
         raise RecordingError(
             f"this is no MCAP file: it is empty or starts with {start[: len(MAGIC)]!r}",
@@ -76,7 +79,7 @@ def _refuse(path: Path, start: bytes) -> None:
         )
 
 
-def _walk(path: Path, sink_for: SinkFor, size_bytes: int, base: int) -> Extent:
+def _walk(path: Place, sink_for: SinkFor, size_bytes: int, base: int) -> Extent:
     return walk(path, sink_for, size_bytes=size_bytes, base=base)
 
 

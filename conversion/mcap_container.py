@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import struct
-from pathlib import Path
 from typing import BinaryIO, Final
 
 from civil_rgbd.conversion.compression import ChunkError, UnknownCompressionError, message_of
 from civil_rgbd.conversion.container import HEAD_BYTES, NO_CHUNK, Extent, Sink, SinkFor
 from civil_rgbd.conversion.mcap_chunks import parse_chunk, records_of, strings_in
 from civil_rgbd.conversion.mcap_summary import Summary, read_summary
+from civil_rgbd.storage.places import Place
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 RECORD: Final = struct.Struct("<BQ")
@@ -23,7 +23,7 @@ _SMALL_MESSAGE_BYTES = 1 << 20
 _LARGEST_READ = 1 << 32  # a damaged length must not ask for the whole file at once
 
 
-def walk(path: Path, sink_for: SinkFor, *, size_bytes: int, base: int = 0) -> Extent:
+def walk(path: Place, sink_for: SinkFor, *, size_bytes: int, base: int = 0) -> Extent:
     """Read every record of a file once, and hand each message to its channel's sink.
 
     Memory holds one chunk at a time. Damage does not stop the walk: it is noted, and what follows

@@ -7,7 +7,6 @@ many messages of each channel as the statistics count, and every chunk is where 
 from __future__ import annotations
 
 import struct
-from pathlib import Path
 from typing import BinaryIO, Final
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from civil_rgbd.conversion.container import IndexedTopic
 from civil_rgbd.conversion.mcap_chunks import strings_in
 from civil_rgbd.conversion.mcap_summary import Summary, read_summary
+from civil_rgbd.storage.places import Place
 
 _RECORD: Final = struct.Struct("<BQ")
 _CHUNK: Final = 0x06
@@ -34,7 +34,7 @@ class _IndexError(ValueError):
     """The parts of the index do not agree."""
 
 
-def read_index(path: Path) -> tuple[IndexedTopic, ...] | None:
+def read_index(path: Place) -> tuple[IndexedTopic, ...] | None:
     """Return the channels of a file as its index has them, without reading a message.
 
     Args:

@@ -119,7 +119,7 @@ def _scalar(text: str) -> str:
 
 
 def _files(location: str | Path, options: RecordingOptions) -> RosFiles:
-    folders = [_folder(Path(path)) for path in (location, *options.more_files)]
+    folders = [_folder(Path(str(path))) for path in (location, *options.more_files)]
     metadata = [_read_metadata(folder) for folder in folders]
     storages = {one.storage for one in metadata}
     if len(storages) > 1 or not storages <= set(_STORAGES):

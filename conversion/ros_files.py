@@ -16,6 +16,7 @@ from civil_rgbd.domain.inspection import RecordingSummary
 from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.recording import Recording, RecordingNotes, RecordingOptions
 from civil_rgbd.errors import RecordingError
+from civil_rgbd.storage.places import Place, place_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,23 +31,25 @@ class RosFiles:
     """
 
     container: Container
-    paths: tuple[Path, ...]
+    paths: tuple[Place, ...]
     name: str
     where: object
 
 
-def files_of(container: Container, location: str | Path, options: RecordingOptions) -> RosFiles:
+def files_of(container: Container, location: str | Place, options: RecordingOptions) -> RosFiles:
     """Return the file at a location and those that go on from it.
 
     A location may be a folder of files that the recorder left without its metadata.yaml.
     """
-    first = Path(location)
-    paths = files_inside(container, first) if first.is_dir() else (first,)
-    more = tuple(Path(path) for path in options.more_files)
+    first = place_of(location)
+    paths: tuple[Place, ...] = (first,)
+    if isinstance(first, Path) and first.is_dir():
+        paths = files_inside(container, first)
+    more = tuple(place_of(path) for path in options.more_files)
     return RosFiles(container, paths + more, stem_of(first), first)
 
 
-def stem_of(path: Path) -> str:
+def stem_of(path: Place) -> str:
     """Return a recording's name: the file's, without what says how it is stored.
 
     >>> stem_of(Path("scan.bag.active")), stem_of(Path("scan_0.db3.zstd")), stem_of(Path("a.b.bag"))
@@ -123,7 +126,7 @@ def inspect_files(files: RosFiles, options: RecordingOptions) -> RecordingSummar
         RecordingError: it is not there, of another kind, or cannot be read at all.
     """
     watched = WatchedTable()
-    found = walk_files(files.container, files.paths, watched.sink_for, checksums=False)
+    found = walk_files(files.container, files.paths, watched.sink_for)
     extent, refused = found.extent, None
     try:
         judge(extent, files.container, options, where=files.where)
@@ -134,7 +137,7 @@ def inspect_files(files: RosFiles, options: RecordingOptions) -> RecordingSummar
     )
     walked = Walked(
         files.container.name,
-        Path(str(files.where)).name,
+        place_of(str(files.where)).name,
         sum(source.size_bytes for source in found.sources),
         extent.messages,
         tuple(extent.damage),

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import shutil
 import weakref
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +15,13 @@ from typing import Any, Final
 from civil_rgbd.conversion.compression import is_packed, unpack_file
 from civil_rgbd.conversion.container import NO_CHUNK, Container, Extent, FilePayloads, SinkFor
 from civil_rgbd.conversion.ros_assembly import Opened
+from civil_rgbd.conversion.source_hash import NOT_WANTED, HashWanted, being_read, hashes_wanted
 from civil_rgbd.conversion.topics import TopicTable
 from civil_rgbd.domain.recording import RecordingNotes, RecordingOptions, SourceFile
 from civil_rgbd.errors import RecordingError, UsageError
+from civil_rgbd.storage.client import is_web
+from civil_rgbd.storage.places import Place
+from civil_rgbd.storage.remote_path import RemotePath
 
 _SAID_AT_MOST: Final = 5
 _OPEN_FILES: Final = 2  # scans and images of one instant lie at most across one border
@@ -133,7 +135,7 @@ class WalkedFiles:
 @contextmanager
 def opened_files(
     container: Container,
-    files: Sequence[Path],
+    files: Sequence[Place],
     options: RecordingOptions,
     table: TopicTable,
     *,
@@ -154,7 +156,8 @@ def opened_files(
         RecordingError: a file is not there, of another kind, or damaged.
         UsageError: a file is given twice.
     """
-    walked = walk_files(container, files, table.sink_for)
+    hashes = hashes_wanted(options, len(files))
+    walked = walk_files(container, files, table.sink_for, hashes=hashes)
     try:
         salvage = judge(walked.extent, container, options, where=where)
         notes = RecordingNotes(
@@ -168,9 +171,13 @@ def opened_files(
 
 
 def walk_files(
-    container: Container, files: Sequence[Path], sink_for: SinkFor, *, checksums: bool = True
+    container: Container,
+    files: Sequence[Place],
+    sink_for: SinkFor,
+    *,
+    hashes: Sequence[HashWanted] = (),
 ) -> WalkedFiles:
-    """Read every record of every file once; checksums are taken beside, if at all.
+    """Read every record of every file once; hashes are taken meanwhile, if at all.
 
     Raises:
         RecordingError: a file is not there, cannot be read, or is of another kind.
@@ -178,44 +185,51 @@ def walk_files(
     """
     found: list[tuple[Extent, FilePayloads, SourceFile]] = []
     base = 0
-    for path in files:
+    for path, wanted in zip(files, hashes or [NOT_WANTED] * len(files), strict=True):
         try:
-            sha256 = _sha256 if checksums else lambda _path: ""
-            found.append(_walk_file(container, path, sink_for, base, sha256))
+            found.append(_walk_file(container, path, sink_for, base, wanted))
         except OSError as error:
             raise unreadable(path, error) from error
         base += found[-1][0].span
     extents, payloads, sources = zip(*found, strict=True)
-    if checksums:
-        _refuse_twice(sources, files)
+    _refuse_twice(sources, files)
     bases = [sum(extent.span for extent in extents[:number]) for number in range(len(extents))]
     return WalkedFiles(sources, JoinedPayloads(bases, payloads), _together(extents, files))
 
 
 def _walk_file(
-    container: Container,
-    path: Path,
-    sink_for: SinkFor,
-    base: int,
-    sha256_of: Callable[[Path], str],
+    container: Container, path: Place, sink_for: SinkFor, base: int, wanted: HashWanted
 ) -> tuple[Extent, FilePayloads, SourceFile]:
-    size_bytes = size_of(path)
+    size_of(path)
     payloads: FilePayloads
-    with ThreadPoolExecutor(max_workers=1) as beside:
-        sha256 = beside.submit(sha256_of, path)
+    with being_read(path, wanted) as read:
         if is_packed(path):
-            payloads = UnpackedPayloads(container.payloads, path.absolute())
-            plain = payloads.unpack()
+            payloads = UnpackedPayloads(container.payloads, _packed(path))
+            plain: Place = payloads.unpack()
         else:
-            plain, payloads = path, container.payloads(path.absolute(), size_bytes)
+            plain, payloads = read.path, container.payloads(_bound(read.path), read.size_bytes)
         with plain.open("rb") as file:
             container.refuse(path, file.read(START_BYTES))
         extent = container.walk(plain, sink_for, plain.stat().st_size, base)
-    source = SourceFile(path.name, size_bytes, sha256.result(), container.name)
-    return extent, payloads, source
+        return extent, payloads, read.described(container.name)
 
 
-def _together(extents: Sequence[Extent], files: Sequence[Path]) -> Extent:
+def _bound(path: Place) -> Place:
+    """Return a path that other processes find: a remote one with the version that was walked."""
+    return RemotePath(path.url, path.pinned) if isinstance(path, RemotePath) else path.absolute()
+
+
+def _packed(path: Place) -> Path:
+    if isinstance(path, Path):
+        return path.absolute()
+    raise RecordingError(
+        "a file that is compressed as a whole cannot be read by ranges",
+        where=path,
+        fix="download it, or unpack it (`zstd -d`) and upload that",
+    )
+
+
+def _together(extents: Sequence[Extent], files: Sequence[Place]) -> Extent:
     if len(extents) == 1:
         return extents[0]
     together = Extent(whole=True)
@@ -224,26 +238,26 @@ def _together(extents: Sequence[Extent], files: Sequence[Path]) -> Extent:
     return together
 
 
-def _refuse_twice(sources: Sequence[SourceFile], files: Sequence[Path]) -> None:
-    first: dict[str, Path] = {}
+def _refuse_twice(sources: Sequence[SourceFile], files: Sequence[Place]) -> None:
+    first: dict[str, Place] = {}
     for source, path in zip(sources, files, strict=True):
-        if source.sha256 in first:
+        same = source.sha256 or str(path.absolute())
+        if same in first:
             raise UsageError(
-                f"two files of the recording are the same: {first[source.sha256].name} and "
-                f"{path.name}",
+                f"two files of the recording are the same: {first[same].name} and {path.name}",
                 where=path,
                 fix="give each file once",
             )
-        first[source.sha256] = path
+        first[same] = path
 
 
-def size_of(path: Path) -> int:
+def size_of(path: Place) -> int:
     """Return a file's length.
 
     Raises:
         RecordingError: it is not there, or a folder.
     """
-    if path.is_dir():
+    if isinstance(path, Path) and path.is_dir():
         raise RecordingError(
             "this is a folder where a file is needed",
             where=path,
@@ -252,6 +266,12 @@ def size_of(path: Path) -> int:
     try:
         return path.stat().st_size
     except FileNotFoundError as error:
+        if isinstance(path, RemotePath) and not is_web(path.url) and path.is_dir():
+            raise RecordingError(
+                "this is a folder; on object storage recordings are read file by file",
+                where=path,
+                fix="name the file inside, or the files in order",
+            ) from error
         raise RecordingError(
             f"there is no such recording: {str(path)!r}",
             where=path.absolute().parent,
@@ -259,18 +279,13 @@ def size_of(path: Path) -> int:
         ) from error
 
 
-def unreadable(path: Path, error: OSError) -> RecordingError:
+def unreadable(path: Place, error: OSError) -> RecordingError:
     """Compose the error for a file that the system does not give."""
     return RecordingError(
         f"the recording cannot be read: {error.strerror or error}",
         where=path,
         fix="check the disk and the file's permissions",
     )
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def judge(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable
-from pathlib import Path
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from civil_rgbd.conversion.ros_files import RosFiles
 from civil_rgbd.conversion.several_files import START_BYTES, size_of, unreadable, walk_files
 from civil_rgbd.conversion.topics import plain_type, role_of
 from civil_rgbd.domain.inspection import TopicListing, TopicSummary, timing_of
+from civil_rgbd.storage.places import Place, place_of
 
 _LARGEST_NS = 1 << 63
 
@@ -29,7 +29,7 @@ def list_files(files: RosFiles) -> TopicListing:
         UsageError: a file is given twice.
     """
     size_bytes = sum(size_of(path) for path in files.paths)
-    name = Path(str(files.where)).name
+    name = place_of(str(files.where)).name
     found: list[IndexedTopic] = []
     for path in files.paths:
         indexed = _indexed(files.container, path)
@@ -40,7 +40,7 @@ def list_files(files: RosFiles) -> TopicListing:
         topics = _summaries(found)
         return TopicListing(name, files.container.name, size_bytes, topics, by_index=True)
     counts = _Counts()
-    walked = walk_files(files.container, files.paths, counts.sink_for, checksums=False)
+    walked = walk_files(files.container, files.paths, counts.sink_for)
     walked.payloads.close()
     return TopicListing(
         name,
@@ -53,7 +53,7 @@ def list_files(files: RosFiles) -> TopicListing:
     )
 
 
-def _indexed(container: Container, path: Path) -> tuple[IndexedTopic, ...] | None:
+def _indexed(container: Container, path: Place) -> tuple[IndexedTopic, ...] | None:
     if is_packed(path):
         return None
     try:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from civil_rgbd.domain.rig import Rig, RigFile
 from civil_rgbd.domain.scan import LidarScan
 from civil_rgbd.geometry.trajectory import Trajectory
+from civil_rgbd.storage.places import Place
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,14 +22,16 @@ class SourceFile:
     Attributes:
         name: file name without folders: no path of a machine enters a manifest.
         size_bytes: its length.
-        sha256: of its bytes, lower-case hex.
+        sha256: of its bytes, lower-case hex; None where nobody took it.
         converter: name of the converter that read it.
+        etag: of an object on object storage, where its hash was not taken.
     """
 
     name: str
     size_bytes: int
-    sha256: str
+    sha256: str | None
     converter: str
+    etag: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +57,9 @@ class RecordingOptions:
         images: a folder of images, for a source without images of its own.
         image_times: a file with the stamps of ``images``, one a line.
         more_files: the further files of a recording that was split, in order.
+        sha256: of the recording's files, in order, where somebody wrote them down; that of an
+            object on object storage is believed, as taking it means reading all of it.
+        source_hash: take the hashes of files that have none written down.
     """
 
     lidar_topic: str | None = None
@@ -73,7 +79,9 @@ class RecordingOptions:
     scans_in: str | None = None
     images: Path | None = None
     image_times: Path | None = None
-    more_files: tuple[Path, ...] = ()
+    more_files: tuple[Place, ...] = ()
+    sha256: tuple[str, ...] = ()
+    source_hash: bool = True
 
 
 @dataclass(frozen=True, slots=True)

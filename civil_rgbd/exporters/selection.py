@@ -36,7 +36,7 @@ class Chosen:
 
 
 def choose(
-    location: Place, *, bridges: Sequence[str], split: str | None
+    location: str | Place, *, bridges: Sequence[str], split: str | None
 ) -> tuple[list[Chosen], Splits]:
     """Choose frames of a dataset or of one bridge.
 

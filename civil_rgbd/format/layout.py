@@ -71,7 +71,7 @@ def dataset_bridges(dataset: Place) -> dict[str, Place]:
     }
 
 
-def bridge_folders(location: Place) -> dict[str, Place]:
+def bridge_folders(location: str | Place) -> dict[str, Place]:
     """Find the whole bridges of a dataset folder, or the one bridge that a folder is.
 
     Args:
@@ -83,7 +83,10 @@ def bridge_folders(location: Place) -> dict[str, Place]:
     Raises:
         FormatError: the folder is missing, or neither a dataset nor a bridge.
     """
-    location = place_of(location)
+    return _bridge_folders(place_of(location))
+
+
+def _bridge_folders(location: Place) -> dict[str, Place]:
     if not location.exists():
         raise FormatError("there is no such folder", where=location, fix=_where_else(location))
     if not location.is_dir():

@@ -112,7 +112,7 @@ class Summary:
         return "\n".join(lines)
 
 
-def summarise(location: Place) -> Summary:
+def summarise(location: str | Place) -> Summary:
     """Say what a dataset or a bridge holds.
 
     Args:

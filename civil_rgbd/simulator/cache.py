@@ -3,36 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import sys
-from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Final
 
+from civil_rgbd.resources import cache_folder
 from civil_rgbd.simulator.recorder import Progress, write_recording
 from civil_rgbd.simulator.spec import ScanSpec
-
-CACHE_VARIABLE: Final = "CIVIL_RGBD_CACHE"
-"""Environment variable that names the cache folder, whatever the platform's own."""
-
-
-def cache_folder(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> Path:
-    """Return where things that can be made again are kept.
-
-    >>> cache_folder({"XDG_CACHE_HOME": "/var/cache/me"}, "linux").as_posix()
-    '/var/cache/me/civil_rgbd'
-    """
-    own = environment.get(CACHE_VARIABLE)
-    if own:
-        return Path(own)
-    if platform == "win32":
-        local = environment.get("LOCALAPPDATA")
-        return (Path(local) if local else Path.home() / "AppData" / "Local") / "civil_rgbd"
-    if platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "civil_rgbd"
-    xdg = environment.get("XDG_CACHE_HOME")
-    return (Path(xdg) if xdg else Path.home() / ".cache") / "civil_rgbd"
 
 
 def cached_demo_recording(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import threading
 from collections import OrderedDict
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from civil_rgbd.errors import RecordingError
@@ -27,10 +28,15 @@ _guard = threading.Lock()
 
 
 class RangeFile(io.RawIOBase):
-    """An object of known size and ETag, read by range, each range once while it is kept."""
+    """An object of known size and ETag, read by range, each range once while it is kept.
+
+    Attributes:
+        on_block: called with number and bytes of each block that is read from.
+    """
 
     def __init__(self, url: str, size_bytes: int, etag: str | None) -> None:
         super().__init__()
+        self.on_block: Callable[[int, bytes], object] | None = None
         self._url, self._size, self._etag = url, size_bytes, etag
         self._at, self._last_block = 0, -1
 
@@ -88,7 +94,11 @@ class RangeFile(io.RawIOBase):
                 until = max(until, missing[0] + _AHEAD_BLOCKS)
             fetched = self._fetch(missing[0], until)
             found |= {n: block for n, block in fetched.items() if n in found}
-        return [found[number] or b"" for number in range(first, last + 1)]
+        blocks = [found[number] or b"" for number in range(first, last + 1)]
+        if self.on_block is not None:
+            for number, block in enumerate(blocks, start=first):
+                self.on_block(number, block)
+        return blocks
 
     def _kept_block(self, number: int) -> bytes | None:
         key = self._url, self._etag, number

@@ -45,7 +45,7 @@ def sources_as_they_are(
 def _files_of(location: str | Path, options: RecordingOptions) -> list[Path]:
     found: list[Path] = []
     for given in (location, *options.more_files, *([options.images] if options.images else [])):
-        path = Path(given)
+        path = Path(str(given))  # of a URL nothing lies on this disk
         if path.is_dir():
             found += [inside for inside in path.rglob("*") if inside.is_file()]
         elif path.is_file():

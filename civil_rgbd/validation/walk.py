@@ -47,7 +47,7 @@ class _Task:
 
 
 def validate(
-    location: Place,
+    location: str | Place,
     *,
     profile: str = "format",
     progress: Progress = lambda _done, _total: None,

@@ -232,6 +232,6 @@ def test_a_recording_of_94_types_is_listed_as_a_walk_finds_it(shared_data: Path,
 
 
 def walked_messages(container: Container, path: Path) -> int:
-    found = walk_files(container, [path], lambda *_: None, checksums=False)
+    found = walk_files(container, [path], lambda *_: None)
     found.payloads.close()
     return found.extent.messages
