@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from civil_rgbd.domain.motion import ImuReadings
 from civil_rgbd.domain.recording import (
     CameraImage,
     RecordingNotes,
@@ -28,6 +29,7 @@ from civil_rgbd.simulator.walk import (
     T_IMU_LIDAR,
     image_instants_ns,
     imu_poses,
+    imu_readings,
     pose_stamps_ns,
     stated_T_lidar_camera,
 )
@@ -41,7 +43,10 @@ _LIVOX_NOISE_BITS = 0x0F
 
 
 class SimulatedRecording:
-    """Fulfils :class:`civil_rgbd.domain.recording.Recording`; equal specs give equal recordings.
+    """Fits :class:`civil_rgbd.domain.recording.Recording`; equal specs give equal recordings.
+
+    Fits :class:`civil_rgbd.domain.motion.MotionRecording` as well: its poses may be asked of an
+    odometry engine as if nobody knew them.
 
     Attributes:
         spec: what is simulated.
@@ -100,6 +105,22 @@ class SimulatedRecording:
         return scan_stamps_ns(self.spec)
 
     @property
+    def is_livox(self) -> bool:
+        """Its LiDAR is a Livox Avia's."""
+        return True
+
+    @cached_property
+    def imu(self) -> ImuReadings:
+        """Everything that the IMU measured: forces in g, as Livox gives them."""
+        stamps_ns = pose_stamps_ns(self.spec)
+        return ImuReadings(stamps_ns, *imu_readings(self.spec, stamps_ns), IMU_FRAME)
+
+    @property
+    def T_imu_lidar(self) -> NDArray[np.float64]:
+        """(4, 4), LiDAR frame to IMU frame, as the recording's tf states it."""
+        return T_IMU_LIDAR
+
+    @property
     def point_reach_ns(self) -> tuple[int, int]:
         """Points follow their message's stamp by up to a tenth of a second."""
         return 0, MESSAGE_NS
@@ -147,3 +168,10 @@ def open_recording(
             fix="leave these options out, or write the recording with `civil-rgbd simulate` first",
         )
     return SimulatedRecording(spec_from_location(str(location)))
+
+
+def open_motion(
+    location: str | Path, options: RecordingOptions | None = None
+) -> SimulatedRecording:
+    """Open LiDAR and IMU of a simulated recording, for odometry; as :func:`open_recording`."""
+    return open_recording(location, options)

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from civil_rgbd.converters import open_motion
 from civil_rgbd.converters import open_recording as open_by_location
+from civil_rgbd.domain.motion import MotionRecording
 from civil_rgbd.domain.recording import Recording, RecordingOptions
 from civil_rgbd.domain.rig import RigFile
 from civil_rgbd.errors import UsageError
 from civil_rgbd.simulator.camera import simulate_jpeg
+from civil_rgbd.simulator.recorder import write_recording
 from civil_rgbd.simulator.recording import SimulatedRecording, open_recording
 from civil_rgbd.simulator.spec import ScanSpec
 from civil_rgbd.simulator.walk import image_instants_ns
@@ -43,6 +47,31 @@ def test_it_fulfils_the_contract() -> None:
     assert image.rgb.shape == (180, 320, 3)
     assert recording.notes.simulated
     assert recording.notes.map_up == (0.0, 0.0, 1.0)
+
+
+def test_it_gives_lidar_and_imu_to_odometry_as_its_file_does(tmp_path: Path) -> None:
+    write_recording(tmp_path / "raw.mcap", SPEC)
+
+    simulated: MotionRecording = open_motion(
+        "simulated:demo?seconds=1&image_scale=0.25&point_rate_hz=12000"
+    )
+    recorded = open_motion(tmp_path / "raw.mcap")
+
+    assert (simulated.is_livox, simulated.imu.frame) == (recorded.is_livox, recorded.imu.frame)
+    np.testing.assert_array_equal(simulated.imu.stamps_ns, recorded.imu.stamps_ns)
+    np.testing.assert_array_equal(simulated.imu.forces, recorded.imu.forces)
+    np.testing.assert_array_equal(simulated.imu.rates_rad_s, recorded.imu.rates_rad_s)
+    assert simulated.T_imu_lidar is not None
+    assert recorded.T_imu_lidar is not None
+    np.testing.assert_allclose(simulated.T_imu_lidar, recorded.T_imu_lidar, atol=1e-12)
+    assert simulated.scan_stamps_ns.tolist() == recorded.scan_stamps_ns.tolist()
+    np.testing.assert_array_equal(simulated.read_scan(3).points, recorded.read_scan(3).points)
+
+
+def test_odometry_takes_no_options_for_it_either() -> None:
+    with pytest.raises(UsageError, match="a simulated recording has no topics") as caught:
+        open_motion("simulated:demo", RecordingOptions(imu_topic="/imu"))
+    assert "leave these options out" in caught.value.fix
 
 
 def test_its_trajectory_covers_every_point_and_image() -> None:
