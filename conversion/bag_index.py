@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from typing import BinaryIO, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.conversion.bag_records import (
@@ -163,8 +164,6 @@ def _end_records(file: BinaryIO, index_at: int, size_bytes: int) -> Iterator[tup
         at = end
 
 
-def _log_times_ns(entries: bytes | bytearray) -> np.ndarray:
+def _log_times_ns(entries: bytes | bytearray) -> NDArray[np.int64]:
     rows = np.frombuffer(entries, dtype=_ENTRY)
-    times = rows["seconds"].astype(np.int64) * NS_PER_S + rows["nanoseconds"]
-    times.sort()
-    return times
+    return np.sort(rows["seconds"].astype(np.int64) * NS_PER_S + rows["nanoseconds"])

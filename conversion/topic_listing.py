@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from civil_rgbd.conversion.compression import is_packed
 from civil_rgbd.conversion.container import Container, IndexedTopic
@@ -15,7 +17,7 @@ from civil_rgbd.conversion.topics import plain_type, role_of
 from civil_rgbd.domain.inspection import TopicListing, TopicSummary, timing_of
 from civil_rgbd.storage.places import Place, place_of
 
-_LARGEST_NS = 1 << 63
+_LARGEST_NS: Final = 1 << 63
 
 
 def list_files(files: RosFiles) -> TopicListing:
@@ -94,7 +96,7 @@ class _Counts:
 
 def _summaries(topics: Iterable[IndexedTopic]) -> tuple[TopicSummary, ...]:
     """Return the topics by name; channels of one topic and type are one."""
-    times: dict[tuple[str, str, str], list[np.ndarray]] = {}
+    times: dict[tuple[str, str, str], list[NDArray[np.int64]]] = {}
     for one in topics:
         key = one.topic, plain_type(one.type_name), one.encoding
         times.setdefault(key, []).append(one.log_times_ns)

@@ -11,11 +11,6 @@ from civil_rgbd.geometry.camera import LensCamera
 from civil_rgbd.simulator.encodings import Encoding
 from civil_rgbd.simulator.lidar import LivoxScan
 
-_POINT_FIELDS: Final = {
-    "names": ["offset_time", "x", "y", "z", "reflectivity", "tag", "line"],
-    "formats": ["<u4", "<f4", "<f4", "<f4", "u1", "u1", "u1"],
-    "offsets": [0, 4, 8, 12, 16, 17, 18],
-}
 _POINT_BYTES: Final = 19
 
 
@@ -26,8 +21,7 @@ def origin_message(message: Encoding, stamp_ns: int) -> bytes:
 
 def livox_message(message: Encoding, scan: LivoxScan, frame_id: str) -> bytes:
     """Encode Livox's ``CustomMsg``."""
-    layout = np.dtype(_POINT_FIELDS | {"itemsize": message.point_bytes})
-    points = np.zeros(len(scan.points_lidar), dtype=layout)
+    points = np.zeros(len(scan.points_lidar), dtype=_point_of(message.point_bytes))
     points["offset_time"] = scan.offset_ns
     for axis, name in enumerate("xyz"):
         points[name] = scan.points_lidar[:, axis]
@@ -98,3 +92,14 @@ def tf_message(
         message.header(stamp_ns, parent).text(child)
         message.numbers("d", *translation_m, *quaternion_xyzw)
     return message.finished()
+
+
+def _point_of(item_bytes: int) -> np.dtype[np.void]:
+    return np.dtype(
+        {
+            "names": ["offset_time", "x", "y", "z", "reflectivity", "tag", "line"],
+            "formats": ["<u4", "<f4", "<f4", "<f4", "u1", "u1", "u1"],
+            "offsets": [0, 4, 8, 12, 16, 17, 18],
+            "itemsize": item_bytes,
+        }
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import os
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import islice
@@ -46,6 +46,12 @@ from civil_rgbd.simulator.walk import (
     stated_mount,
 )
 
+Message = tuple[int, str, bytes]
+Progress = Callable[[int, int], object]
+New = Callable[[], Encoding]
+"""Makes an empty message."""
+_Writer = Callable[[IO[bytes], Mapping[str, str], Iterable[Message]], None]
+
 ORIGIN: Final = "/civil_rgbd/origin"
 TRANSFORMS: Final = "/tf_static"
 ODOMETRY: Final = "/odometry"
@@ -67,12 +73,12 @@ TOPICS: Final = {
 LEFT_OUT: Final = {"poses": ODOMETRY, "extrinsics": TRANSFORMS}
 """What recordings in the field often lack, and the topic that would say it."""
 
-_WRITERS: Final = {".mcap": (write_mcap, CdrMessage), ".bag": (write_bag, Ros1Message)}
+_WRITERS: Final[dict[str, tuple[_Writer, New]]] = {
+    ".mcap": (write_mcap, CdrMessage),
+    ".bag": (write_bag, Ros1Message),
+}
 _IMAGE_DELAY_NS: Final = 12_000_000  # from exposure to the recorder's disk
 _THREADS: Final = min(2, os.cpu_count() or 1)
-
-Message = tuple[int, str, bytes]
-Progress = Callable[[int, int], object]
 
 
 def write_recording(
@@ -138,7 +144,7 @@ def _whole_file(path: Path) -> Iterator[IO[bytes]]:
         ) from error
 
 
-def _messages(spec: ScanSpec, new: type[Encoding], progress: Progress) -> Iterator[Message]:
+def _messages(spec: ScanSpec, new: New, progress: Progress) -> Iterator[Message]:
     """Yield every message in the order of log times."""
     return heapq.merge(
         _origin(new()),
@@ -164,26 +170,26 @@ def _static_transforms(spec: ScanSpec, message: Encoding) -> Iterator[Message]:
     yield START_NS, TRANSFORMS, tf_message(message, START_NS, links)
 
 
-def _odometry(spec: ScanSpec, new: type[Encoding]) -> Iterator[Message]:
+def _odometry(spec: ScanSpec, new: New) -> Iterator[Message]:
     stamps = pose_stamps_ns(spec)
     frames = (MAP_FRAME, IMU_FRAME)
     for stamp, place, turn in zip(stamps.tolist(), *imu_poses(spec, stamps), strict=True):
         yield stamp, ODOMETRY, odometry_message(new(), stamp, frames, place, turn)
 
 
-def _imu(spec: ScanSpec, new: type[Encoding]) -> Iterator[Message]:
+def _imu(spec: ScanSpec, new: New) -> Iterator[Message]:
     stamps = pose_stamps_ns(spec)
     for stamp, rate, force in zip(stamps.tolist(), *imu_readings(spec, stamps), strict=True):
         yield stamp, IMU, imu_message(new(), stamp, IMU_FRAME, rate, force)
 
 
-def _scans(spec: ScanSpec, new: type[Encoding]) -> Iterator[Message]:
+def _scans(spec: ScanSpec, new: New) -> Iterator[Message]:
     for index, stamp in enumerate(scan_stamps_ns(spec).tolist()):
         payload = livox_message(new(), simulate_scan(spec, index), LIDAR_FRAME)
         yield stamp + MESSAGE_NS, LIDAR, payload
 
 
-def _images(spec: ScanSpec, new: type[Encoding], progress: Progress) -> Iterator[Message]:
+def _images(spec: ScanSpec, new: New, progress: Progress) -> Iterator[Message]:
     stamps = stated_image_stamps_ns(spec).tolist()
     instants = image_instants_ns(spec).tolist()
     camera = raw_camera(spec.image_scale)
