@@ -172,7 +172,7 @@ def _made(
         raise UsageError(
             f"the model does not take these options: {error}",
             where=where,
-            fix=f"it takes {inspect.signature(factory)}",
+            fix="it takes " + (", ".join(inspect.signature(factory).parameters) or "none"),
         ) from error
     model = factory(*arguments, **options)
     if not isinstance(model, (DepthModel, StoredDepth)):

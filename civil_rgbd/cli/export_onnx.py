@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 
 import click
@@ -43,7 +42,7 @@ def command(location: str, path: Path, *, size: tuple[int, int], options: tuple[
             fix="give a run folder, or one of the built-in networks",
         )
     if not model.is_trained:
-        warnings.warn(f"{location} has random weights: its answers are noise", stacklevel=1)
+        click.echo(f"warning: {location} has random weights: its answers are noise", err=True)
     width_px, height_px = size
     done = export_onnx(model, path, height_px=height_px, width_px=width_px)
     print(

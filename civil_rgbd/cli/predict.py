@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -80,7 +79,7 @@ def command(
             fix="give a run folder, or a model that predicts from an image",
         )
     if not getattr(model, "is_trained", True):
-        warnings.warn(f"{location} has random weights: its answers are noise", stacklevel=1)
+        click.echo(f"warning: {location} has random weights: its answers are noise", err=True)
     with frame_bar("predict") as on_progress:
         report = predict_photos(model, photos, camera, out, on_photo=on_progress)
     print(report.to_json() if as_json else report.to_text())
