@@ -15,7 +15,7 @@ _OPTIONS: Final = (
         type=_FILE,
         metavar="FILE",
         help="Poses, where the recording has none: TUM, KITTI, the lab's poses.csv, R3LIVE's "
-        "lic_lio.log, EuRoC CSV, COLMAP images.txt. Say whose with --pose-of.",
+        "lic_lio.log, EuRoC CSV, COLMAP images.txt. Say whose with --pose-of, where it does not.",
     ),
     click.option(
         "--trajectory-format",
@@ -139,7 +139,7 @@ def read_beside(given: dict[str, Any]) -> dict[str, Any]:
         time_offset_ns=_offset_ns(offset),
         images=options["images"],
     )
-    pose_of = _body(options["pose_of"], read.body, read.format)
+    pose_of = _body(options["pose_of"], read.body, f"{path.name} ({read.format})")
     return options | {
         "trajectory": read.trajectory,
         "trajectory_sources": read.sources,
@@ -173,13 +173,14 @@ def _offset_ns(text: str | None) -> int:
         ) from error
 
 
-def _body(said: str | None, known: str | None, format_: str) -> str | None:
+def _body(said: str | None, known: str | None, file: str) -> str | None:
     from civil_rgbd.errors import UsageError
 
     if said is not None and known is not None and said != known:
         raise UsageError(
-            f"--pose-of says {said}, but poses of the format {format_} are those of the {known}",
+            f"--pose-of says {said}, but {file} says of its poses that they are those of the "
+            f"{known}",
             where="--pose-of",
-            fix="leave --pose-of out",
+            fix="leave --pose-of out; or give another file, if the poses are others",
         )
     return said or known

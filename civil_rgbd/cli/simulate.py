@@ -106,7 +106,7 @@ def _poses_text(spec: ScanSpec) -> str:
     from civil_rgbd.odometry.tum import tum_text
     from civil_rgbd.simulator.recording import SimulatedRecording
 
-    remarks = ("The simulated walk: poses of the IMU in the map (--pose-of imu).",)
+    remarks = ("The simulated walk: poses of the IMU in its map (T_map_imu).",)
     return tum_text(SimulatedRecording(spec).trajectory, remarks)
 
 

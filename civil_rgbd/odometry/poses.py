@@ -99,7 +99,7 @@ class JudgedPoses:
         if self.carried:
             lines.append("  geometry gives out, but not for long, and the IMU carries the poses:")
             lines += [f"    {stretch.to_text()}" for stretch in self.carried]
-        lines.append(f"  next: civil-rgbd build --trajectory {file} --pose-of imu ...")
+        lines.append(f"  next: civil-rgbd build --trajectory {file} ...")
         return "\n".join(lines)
 
 

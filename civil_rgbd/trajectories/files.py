@@ -64,7 +64,8 @@ class TrajectoryFile:
     Attributes:
         trajectory: its poses, ``T_map_body``.
         format: key of :data:`FORMATS`.
-        body: whose poses they are, where the format says so: camera, lidar or imu.
+        body: whose poses they are, where the format or the file's heading says so: camera, lidar
+            or imu.
         sources: the file, the time list that gave it stamps, and the quality beside it.
         note: where the poses come from, in words, for the manifest.
     """
@@ -158,7 +159,7 @@ def read_trajectory_file(
     return TrajectoryFile(
         trajectory,
         name,
-        FORMATS[name].body,
+        FORMATS[name].body or table.body,
         tuple(sources),
         _note(path.name, name, metric_scale, time_offset_ns),
     )

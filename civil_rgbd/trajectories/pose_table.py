@@ -24,6 +24,7 @@ _TOO_FAST_M_PER_S: Final = 100.0
 _WILD_TURN_RAD: Final = 1.0
 _NEIGHBOURS_NS: Final = NS_PER_S // 4
 _QUATERNION: Final = re.compile(r"q\w*?_?([wxyz])(?:\s*\[.*)?$", re.ASCII)
+_BODY: Final = re.compile(r"\bT_map_(camera|lidar|imu)\b", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +62,13 @@ class PoseTable:
     def columns(self) -> int:
         """How many columns the first row has."""
         return len(self.rows[0].cells)
+
+    @property
+    def body(self) -> str | None:
+        """Whose poses they are, where the comments before them say ``T_map_imu`` or the like."""
+        above = self.lines[: self.rows[0].line - 1]
+        said = {body for line in above if is_comment(line) for body in _BODY.findall(line)}
+        return said.pop() if len(said) == 1 else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -118,7 +118,50 @@ def test_the_body_that_a_format_knows_is_not_contradicted(
     (walk / "poses.csv").write_text("".join(rows))
     times = ["--image-times", str(walk / "images/timestamps.txt")]
     assert build(walk, tmp_path, "--pose-of", "imu", *times, trajectory="poses.csv") == 2
-    assert "--pose-of says imu, but poses of the format lab" in capsys.readouterr().err
+    assert "--pose-of says imu, but poses.csv (lab) says of its poses" in capsys.readouterr().err
+
+
+def test_a_broken_scan_stops_a_build_unless_it_is_to_be_left_out(
+    walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scans = write_scans(tmp_path / "pcd", SimulatedRecording(SPEC), "pcd")
+    (scans / "4.pcd").write_bytes((scans / "4.pcd").read_bytes()[:-40])
+    words = (
+        f"build --recipe demo --workers 1 --licence CC0-1.0 --bridge B1 --out {tmp_path / 'out'}"
+    )
+    beside = {"--trajectory": "poses.tum", "--images": "images", "--rig": "rig.toml"}
+    given = [word for name, path in beside.items() for word in (name, str(walk / path))]
+    given += ["--pose-of", "imu", "--scans-in", "lidar", str(scans)]
+
+    assert main([*words.split(), *given]) == 2
+    err = capsys.readouterr().err
+    assert "4.pcd" in err
+    assert "--salvage" in err
+    assert main([*words.split(), "--salvage", *given]) == 0
+    manifest = json.loads((tmp_path / "out/bridges/B1/manifest.json").read_text())
+    assert manifest["counts"]["skipped"] == {"scan-undecodable": 1}
+    assert "scan-undecodable 1" in capsys.readouterr().out
+
+
+def headed(walk: Path, body: str) -> str:
+    """Write the poses with a heading that says whose they are, as `civil-rgbd poses` does."""
+    said = f"# some engine: poses in its map (T_map_{body})\n# seconds tx ty tz qx qy qz qw\n"
+    (walk / "headed.tum").write_text(said + (walk / "poses.tum").read_text())
+    return "headed.tum"
+
+
+def test_poses_whose_heading_says_whose_they_are_need_no_option(walk: Path, tmp_path: Path) -> None:
+    assert build(walk, tmp_path, trajectory=headed(walk, "imu")) == 0
+    manifest = json.loads((tmp_path / "bridges/B1/manifest.json").read_text())
+    assert "poses are taken from headed.tum (tum): poses of the imu" in manifest["warnings"][0]
+
+
+def test_the_body_that_a_heading_names_is_not_contradicted(
+    walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert build(walk, tmp_path, "--pose-of", "imu", trajectory=headed(walk, "lidar")) == 2
+    said = "--pose-of says imu, but headed.tum (tum) says of its poses that they are those of the"
+    assert f"{said} lidar" in capsys.readouterr().err
 
 
 def turned_round(walk: Path) -> None:

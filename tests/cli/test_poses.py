@@ -19,7 +19,7 @@ from civil_rgbd.odometry.engines import ENGINES
 from civil_rgbd.odometry.tum import tum_text
 from civil_rgbd.simulator.spec import ScanSpec
 from civil_rgbd.simulator.walk import imu_poses
-from civil_rgbd.trajectories.files import read_trajectory
+from civil_rgbd.trajectories.files import read_trajectory, read_trajectory_file
 
 from ..odometry.fakes import fake_environment
 
@@ -59,7 +59,8 @@ def test_poses_are_written_with_their_quality_and_what_is_weak_is_said(
     assert f"poses.tum: {10 * SECONDS} poses of the IMU over 2.9 s" in said
     assert "the IMU's specific force is in g" in said
     assert "0.0 s to 1.4 s (1.4 s): the recording begins in motion" in said
-    assert "--pose-of imu" in said
+    assert "next: civil-rgbd build --trajectory poses.tum ..." in said
+    assert read_trajectory_file(out).body == "imu"  # its own heading says so
     assert sorted(path.name for path in out.parent.iterdir()) == ["poses.quality.csv", "poses.tum"]
     found = read_trajectory(out)
     assert found.quality is not None

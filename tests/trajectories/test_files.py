@@ -125,6 +125,23 @@ class TestFormats:
         given = read_trajectory_file(path, format=name, **options)  # type: ignore[arg-type]  # same
         assert given.trajectory.stamps_ns.tolist() == STAMPS
 
+    @pytest.mark.parametrize(
+        ("comments", "body"),
+        [
+            ("# engine 1: poses of the imu in its map (T_map_imu)\n", "imu"),
+            ("# (T_map_lidar)\n# T_map_lidar, once more\n", "lidar"),
+            ("# T_map_imu\n# T_map_lidar\n", None),  # two are none
+            ("# T_map_imus and T_map_body\n", None),
+        ],
+    )
+    def test_a_heading_says_whose_poses_they_are(
+        self, tmp_path: Path, comments: str, body: str | None
+    ) -> None:
+        assert read_trajectory_file(written(tmp_path, comments + tum())).body == body
+
+    def test_a_comment_below_the_poses_says_nothing_of_them(self, tmp_path: Path) -> None:
+        assert read_trajectory_file(written(tmp_path, tum() + "# T_map_imu\n")).body is None
+
     def test_r3live_counts_from_its_first_imu_message(self, tmp_path: Path) -> None:
         path = written(tmp_path, r3live(), "lic_lio.log")
         found = read_trajectory_file(path, time_offset_ns=START_NS)
