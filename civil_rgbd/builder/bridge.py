@@ -5,10 +5,8 @@ from __future__ import annotations
 import contextlib
 import json
 import re
-import shutil
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 from civil_rgbd.builder.chunks import BRIDGE, DONE
 from civil_rgbd.builder.provenance import reading_record, recipe_record, software
@@ -18,15 +16,16 @@ from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.errors import BuildError, FormatError, UsageError
 from civil_rgbd.format.atomic import whole_file, writing
-from civil_rgbd.format.layout import BRIDGES, DEFECTS, MANIFEST, PARTIAL
+from civil_rgbd.format.layout import BRIDGES, DEFECTS, MANIFEST, PARTIAL, is_bridge
 from civil_rgbd.format.manifest import manifest_to_document, read_manifest
 from civil_rgbd.pipeline.prepare import local_origin
+from civil_rgbd.storage.places import Place, is_remote, remove_tree
 
 IDENTITY = "build.json"
 """Inside the partial folder: what must be equal for the build to be gone on with."""
 
 
-def require_free_id(dataset: Path, bridge_id: str) -> None:
+def require_free_id(dataset: Place, bridge_id: str) -> None:
     """Refuse an id that is none, or that differs from an existing one only in case.
 
     Raises:
@@ -49,7 +48,7 @@ def require_free_id(dataset: Path, bridge_id: str) -> None:
                 )
 
 
-def prepare_partial(partial: Path, identity: Mapping[str, object], *, overwrite: bool) -> None:
+def prepare_partial(partial: Place, identity: Mapping[str, object], *, overwrite: bool) -> None:
     """Make the folder of an unfinished build, or find the one that was stopped.
 
     Args:
@@ -73,7 +72,7 @@ def prepare_partial(partial: Path, identity: Mapping[str, object], *, overwrite:
         found = None
     with writing(partial):
         if found is None and partial.exists():
-            shutil.rmtree(partial)
+            remove_tree(partial)
         for folder in (DONE, BRIDGE):
             (partial / folder).mkdir(parents=True, exist_ok=True)
     if found is None:
@@ -81,7 +80,7 @@ def prepare_partial(partial: Path, identity: Mapping[str, object], *, overwrite:
             scratch.write_text(json.dumps(identity), encoding="utf-8")
 
 
-def _found_identity(partial: Path) -> dict[str, object] | None:
+def _found_identity(partial: Place) -> dict[str, object] | None:
     try:
         document = json.loads((partial / IDENTITY).read_text("utf-8"))
     except (OSError, ValueError):
@@ -89,20 +88,20 @@ def _found_identity(partial: Path) -> dict[str, object] | None:
     return document if isinstance(document, dict) else None
 
 
-def remove_partial(partial: Path) -> None:
+def remove_partial(partial: Place) -> None:
     """Take the folder of a finished build away."""
     with writing(partial):
-        shutil.rmtree(partial, ignore_errors=True)
+        remove_tree(partial)
 
 
-def remove_left_over(partial: Path, identity: Mapping[str, object]) -> None:
+def remove_left_over(partial: Place, identity: Mapping[str, object]) -> None:
     """Take away what a kill left of a build whose bridge is there; other builds' work stays."""
     found = _found_identity(partial)
     if found is None or found == identity:
         remove_partial(partial)
 
 
-def remove_if_empty(folder: Path) -> None:
+def remove_if_empty(folder: Place) -> None:
     """Take a folder away unless something is in it: another build's unfinished work."""
     with contextlib.suppress(OSError):
         folder.rmdir()
@@ -134,7 +133,7 @@ def manifest_before(
     )
 
 
-def find_whole(folder: Path, wanted: Manifest, *, overwrite: bool) -> Manifest | None:
+def find_whole(folder: Place, wanted: Manifest, *, overwrite: bool) -> Manifest | None:
     """Return the manifest of a bridge that is built already, as wanted.
 
     Args:
@@ -148,7 +147,10 @@ def find_whole(folder: Path, wanted: Manifest, *, overwrite: bool) -> Manifest |
     Raises:
         BuildError: a bridge made otherwise lies there.
     """
-    if not folder.exists():
+    if not (is_bridge(folder) if is_remote(folder) else folder.exists()):
+        # On object storage a kill may leave files without a manifest, which are nothing yet.
+        if is_remote(folder):
+            _refuse_to_lose_defects(folder)
         return None
     there: Manifest | None = None
     with contextlib.suppress(FormatError):
@@ -171,7 +173,7 @@ def find_whole(folder: Path, wanted: Manifest, *, overwrite: bool) -> Manifest |
     )
 
 
-def _refuse_to_lose_defects(folder: Path) -> None:
+def _refuse_to_lose_defects(folder: Place) -> None:
     if (folder / DEFECTS).exists():
         raise BuildError(
             "the bridge to be replaced holds measured defects, which a build cannot make again",

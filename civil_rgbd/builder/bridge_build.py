@@ -37,6 +37,7 @@ from civil_rgbd.format.atomic import folder_lock, recover_folder, writing
 from civil_rgbd.format.datasets import refresh_dataset
 from civil_rgbd.format.layout import BRIDGES, PARTIAL
 from civil_rgbd.pipeline.frames import FrameMaker
+from civil_rgbd.storage.places import Place
 
 _BEGIN_WAIT_S = 600.0  # other parts of the same build plan and check meanwhile
 
@@ -72,7 +73,7 @@ class Manner:
     """
 
     recipe: Recipe
-    dataset: Path
+    dataset: Place
     overrides: Mapping[str, object] = field(default_factory=dict)
     overwrite: bool = False
     share: Share | None = None
@@ -96,7 +97,7 @@ class BridgeBuild:
 
     job: Job
     facts: Facts
-    folder: Path
+    folder: Place
     manner: Manner
     recording: Recording
     whole: Manifest | None

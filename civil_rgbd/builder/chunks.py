@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from civil_rgbd.builder.originals import Fingerprint
 from civil_rgbd.builder.plan import Chunk
@@ -18,6 +17,7 @@ from civil_rgbd.format.hashes import file_sha256
 from civil_rgbd.format.writer import row_paths, write_frame
 from civil_rgbd.pipeline.frames import FrameMaker, FrameOutcome, PlannedFrame
 from civil_rgbd.pipeline.prepare import PointCounts
+from civil_rgbd.storage.places import Place, entries_of, files_below, is_remote
 
 BRIDGE = "bridge"
 """Inside the partial folder: what becomes the bridge folder."""
@@ -43,7 +43,7 @@ class Job:
     recording: Recording
     recipe: Recipe
     frames: tuple[PlannedFrame, ...]
-    partial: Path
+    partial: Place
     durable: bool = False
     files: tuple[Fingerprint, ...] = ()
 
@@ -126,7 +126,7 @@ def _record(job: Job, outcome: FrameOutcome) -> FrameRecord:
     )
 
 
-def finished_chunks(partial: Path, within: tuple[int, int] | None = None) -> list[ChunkRecord]:
+def finished_chunks(partial: Place, within: tuple[int, int] | None = None) -> list[ChunkRecord]:
     """Read the records of a build that was stopped; chunks with a damaged file count as not done.
 
     Args:
@@ -137,13 +137,15 @@ def finished_chunks(partial: Path, within: tuple[int, int] | None = None) -> lis
         the chunks whose files are all there with the right bytes.
     """
     records = []
-    for path in sorted((partial / DONE).glob("*.json")):
+    there = files_below(partial / BRIDGE) if is_remote(partial) else None
+    for path in entries_of(partial / DONE):
+        if path.suffix != ".json":
+            continue
         if within and not _touches(path.stem, within):
             continue
         record = _read_record(path)
-        if record and all(
-            _whole(partial / BRIDGE, frame.row) for frame in record.frames if frame.row
-        ):
+        rows = [frame.row for frame in record.frames if frame.row] if record else []
+        if record and all(_whole(partial / BRIDGE, row, there) for row in rows):
             records.append(record)
         else:
             # The chunk is made again, perhaps cut otherwise: this record must not come back.
@@ -157,14 +159,21 @@ def _touches(name: str, within: tuple[int, int]) -> bool:
     return first.isdigit() and last.isdigit() and within[0] <= int(last) and int(first) <= within[1]
 
 
-def _read_record(path: Path) -> ChunkRecord | None:
+def _read_record(path: Place) -> ChunkRecord | None:
     try:
         return _from_document(json.loads(path.read_text("utf-8")))
     except (OSError, ValueError, KeyError, TypeError):
         return None  # a power cut may leave an empty record
 
 
-def _whole(folder: Path, row: FrameRow) -> bool:
+def _whole(folder: Place, row: FrameRow, there: Mapping[str, int] | None) -> bool:
+    """Tell whether a frame's files are there; on object storage, from a listing of it.
+
+    An object is whole when it is there, and was before the record: reading it back would mean that
+    everything travels again.
+    """
+    if there is not None:
+        return all(there.get(path) for path in row_paths(row))
     try:
         return (
             file_sha256(folder / row.rgb_path) == row.rgb_file_sha256

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from civil_rgbd.builder.plan import Plan
@@ -17,6 +16,7 @@ from civil_rgbd.format.intrinsics import camera_from_document, camera_to_documen
 from civil_rgbd.format.manifest import manifest_from_document, manifest_to_document
 from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.pipeline.image import ImageMaker
+from civil_rgbd.storage.places import Place
 
 FACTS = "facts.json"
 """Inside the partial folder."""
@@ -68,7 +68,7 @@ def facts_of(wanted: Manifest, plan: Plan, recording: Recording, images: ImageMa
     )
 
 
-def write_facts(partial: Path, facts: Facts) -> None:
+def write_facts(partial: Place, facts: Facts) -> None:
     """Keep them in the folder of an unfinished build.
 
     Raises:
@@ -88,7 +88,7 @@ def write_facts(partial: Path, facts: Facts) -> None:
         scratch.write_text(json.dumps(document), encoding="utf-8")
 
 
-def read_facts(partial: Path) -> Facts:
+def read_facts(partial: Place) -> Facts:
     """Read what :func:`write_facts` kept.
 
     Raises:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from pathlib import Path
 
 from civil_rgbd.builder.bridge import IDENTITY, find_whole, remove_if_empty
 from civil_rgbd.builder.chunks import finished_chunks
@@ -18,11 +17,12 @@ from civil_rgbd.errors import BridgeFailedError, CivilRgbdError, UsageError
 from civil_rgbd.format.atomic import folder_lock, recover_folder
 from civil_rgbd.format.datasets import refresh_dataset
 from civil_rgbd.format.layout import BRIDGES, PARTIAL
+from civil_rgbd.storage.places import Place, place_of
 
 _SHOWN: int = 20
 
 
-def unfinished(dataset: Path) -> tuple[str, ...]:
+def unfinished(dataset: Place) -> tuple[str, ...]:
     """Return the ids of the bridges that are begun and not published, sorted."""
     partial = dataset / PARTIAL
     if not partial.is_dir():
@@ -31,7 +31,7 @@ def unfinished(dataset: Path) -> tuple[str, ...]:
 
 
 def finish_bridges(
-    dataset: Path, bridge_ids: Sequence[str] = (), *, overwrite: bool = False
+    dataset: str | Place, bridge_ids: Sequence[str] = (), *, overwrite: bool = False
 ) -> SurveyReport:
     """Publish the bridges whose parts are all made. No recording is needed: parts left the plan.
 
@@ -47,6 +47,7 @@ def finish_bridges(
         UsageError: there is nothing to join, or a bridge was never begun.
     """
     started = time.monotonic()
+    dataset = place_of(dataset)
     begun = unfinished(dataset)
     for bridge_id in bridge_ids:
         if bridge_id not in begun:
@@ -72,7 +73,7 @@ def finish_bridges(
     return SurveyReport(tuple(outcomes), time.monotonic() - started)
 
 
-def _finish(dataset: Path, bridge_id: str, *, overwrite: bool) -> BuildReport:
+def _finish(dataset: Place, bridge_id: str, *, overwrite: bool) -> BuildReport:
     started = time.monotonic()
     partial, folder = dataset / PARTIAL / bridge_id, dataset / BRIDGES / bridge_id
     with folder_lock(partial):
@@ -89,7 +90,7 @@ def _finish(dataset: Path, bridge_id: str, *, overwrite: bool) -> BuildReport:
     return _report(manifest, folder, time.monotonic() - started)
 
 
-def _report(manifest: Manifest, folder: Path, seconds: float) -> BuildReport:
+def _report(manifest: Manifest, folder: Place, seconds: float) -> BuildReport:
     return BuildReport(
         bridge_id=folder.name,
         folder=folder,
@@ -103,7 +104,7 @@ def _report(manifest: Manifest, folder: Path, seconds: float) -> BuildReport:
     )
 
 
-def _refuse_missing(partial: Path, facts: Facts, missing: Sequence[int]) -> None:
+def _refuse_missing(partial: Place, facts: Facts, missing: Sequence[int]) -> None:
     parts = _missing_parts(partial, facts, missing)
     frames = ", ".join(_runs(missing, facts.planned)[:_SHOWN])
     named = f"parts {', '.join(parts[:_SHOWN])} are missing: " if parts else ""
@@ -117,7 +118,7 @@ def _refuse_missing(partial: Path, facts: Facts, missing: Sequence[int]) -> None
     )
 
 
-def _missing_parts(partial: Path, facts: Facts, missing: Sequence[int]) -> list[str]:
+def _missing_parts(partial: Place, facts: Facts, missing: Sequence[int]) -> list[str]:
     """Name the parts that would make the missing frames, for the division that was used."""
     places = {index: place for place, index in enumerate(facts.planned)}
     wanted = {places[index] for index in missing}

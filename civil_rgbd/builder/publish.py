@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from civil_rgbd.builder.bridge import remove_partial
 from civil_rgbd.builder.chunks import BRIDGE, ChunkRecord, FrameRecord
@@ -16,9 +15,12 @@ from civil_rgbd.domain.bridge import Counts, Manifest
 from civil_rgbd.errors import BridgeFailedError
 from civil_rgbd.format.writer import finish_bridge
 from civil_rgbd.pipeline.prepare import PointCounts, total_points
+from civil_rgbd.storage.places import Place
 
 
-def publish(partial: Path, folder: Path, facts: Facts, records: Sequence[ChunkRecord]) -> Manifest:
+def publish(
+    partial: Place, folder: Place, facts: Facts, records: Sequence[ChunkRecord]
+) -> Manifest:
     """Make the bridge of an unfinished build whole, and let it appear by one rename.
 
     Args:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from civil_rgbd.domain.bridge import Counts
 from civil_rgbd.domain.recording import RecordingNotes
 from civil_rgbd.errors import CivilRgbdError
+from civil_rgbd.storage.places import Place
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class BuildReport:
     """
 
     bridge_id: str
-    folder: Path
+    folder: Place
     recipe: str
     counts: Counts
     notes: RecordingNotes

@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from civil_rgbd.builder.attempts import Failed, run_tasks
 from civil_rgbd.builder.bridge import remove_if_empty
@@ -30,6 +29,7 @@ from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.errors import BridgeFailedError, CivilRgbdError
 from civil_rgbd.format.layout import PARTIAL
+from civil_rgbd.storage.places import Place
 
 Progress = Callable[[int, int], object]
 """Called with the frames just finished (fewer than 0 where some are lost) and the frames in all."""
@@ -61,7 +61,7 @@ class BuildOptions:
 
 
 def build_bridge(
-    recording: Recording, recipe: Recipe, dataset: Path, info: BridgeInfo, options: BuildOptions
+    recording: Recording, recipe: Recipe, dataset: Place, info: BridgeInfo, options: BuildOptions
 ) -> BuildReport:
     """Build one bridge into a dataset folder; a build that was stopped is gone on with.
 
@@ -101,7 +101,7 @@ def only_report(report: SurveyReport) -> BuildReport | ShareReport:
 
 
 def build_bridges(
-    orders: Sequence[Order], recipe: Recipe, dataset: Path, options: BuildOptions
+    orders: Sequence[Order], recipe: Recipe, dataset: Place, options: BuildOptions
 ) -> SurveyReport:
     """Build many bridges; one that fails does not stop the others.
 
@@ -124,7 +124,7 @@ class _Run:
     """Bridges under way, what became of the others, and how far all of it is."""
 
     def __init__(
-        self, orders: Sequence[Order], recipe: Recipe, dataset: Path, options: BuildOptions
+        self, orders: Sequence[Order], recipe: Recipe, dataset: Place, options: BuildOptions
     ) -> None:
         self._orders, self._options = orders, options
         self._name = "dask" if options.scheduler else options.executor  # None: not chosen yet

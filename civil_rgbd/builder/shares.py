@@ -7,11 +7,11 @@ import dataclasses
 import json
 import re
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 from civil_rgbd.errors import UsageError
 from civil_rgbd.format.atomic import whole_file
+from civil_rgbd.storage.places import Place
 
 _DIVISION: Final = "division-"
 
@@ -107,7 +107,7 @@ class Division:
     bridges: int
 
 
-def write_division(partial: Path, division: Division) -> None:
+def write_division(partial: Place, division: Division) -> None:
     """Remember how an unfinished bridge is divided; all its jobs write the same.
 
     Raises:
@@ -117,9 +117,10 @@ def write_division(partial: Path, division: Division) -> None:
         scratch.write_text(json.dumps(dataclasses.asdict(division)), encoding="utf-8")
 
 
-def read_divisions(partial: Path) -> list[Division]:
+def read_divisions(partial: Place) -> list[Division]:
     """Return how an unfinished bridge was divided, the latest division last."""
-    found = sorted(partial.glob(f"{_DIVISION}*.json"), key=lambda path: path.stat().st_mtime_ns)
+    found: list[Place] = [*partial.glob(f"{_DIVISION}*.json")]
+    found.sort(key=lambda path: path.stat().st_mtime_ns)
     divisions = []
     for path in found:
         with contextlib.suppress(OSError, ValueError, TypeError):  # it only helps to say what lacks

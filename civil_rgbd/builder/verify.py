@@ -191,8 +191,12 @@ def _refuse_other_recording(manifest: Manifest, recording: Recording, recipe: Re
 
 
 def _refuse_other_sources(manifest: Manifest, sources: Sequence[SourceFile]) -> None:
-    then = sorted((source.sha256, source.size_bytes) for source in manifest.sources)
-    now = sorted((source.sha256, source.size_bytes) for source in sources)
+    # Where nobody took a hash, the size has to do: such a bridge is not proved.
+    unknown = not all(source.sha256 for source in (*manifest.sources, *sources))
+    then, now = (
+        sorted(("" if unknown else str(source.sha256), source.size_bytes) for source in some)
+        for some in (manifest.sources, sources)
+    )
     if then != now:
         raise BuildError(
             f"these are not the bridge's sources: the manifest names {_said(manifest.sources)}; "

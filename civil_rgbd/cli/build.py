@@ -16,6 +16,7 @@ from civil_rgbd.cli.execution import options_from, options_of_execution
 
 if TYPE_CHECKING:
     from civil_rgbd.domain.bridge import BridgeInfo
+    from civil_rgbd.storage.places import Place
 
 
 @click.command("build")
@@ -78,8 +79,9 @@ def command(  # the options of a build are many: most are handed on as they are
     from civil_rgbd.builder.run import build_bridges, only_report
     from civil_rgbd.cli.orders import order_of, orders_of_survey, refuse_beside_survey
     from civil_rgbd.cli.progress import frame_bar
+    from civil_rgbd.storage.places import place_of
 
-    recipe = load_recipe(recipe_name, settings)
+    recipe, folder = load_recipe(recipe_name, settings), place_of(dataset)
     options = options_from(workers=workers, executor=executor, scheduler=scheduler, chunk=chunk)
     options = replace(options, overwrite=overwrite, overrides=overrides_of(settings))
     is_survey = len(sources) == 1 and sources[0].lower().endswith(".toml")
@@ -87,12 +89,12 @@ def command(  # the options of a build are many: most are handed on as they are
         refuse_beside_survey(context, ["bridge_info", "licence", "rig_path", *recording_options])
         orders = orders_of_survey(Path(sources[0]), only=bridge_id)
     else:
-        info = _info(sources, bridge_id, dataset, bridge_info=bridge_info, licence=licence)
+        info = _info(sources, bridge_id, folder, bridge_info=bridge_info, licence=licence)
         files = sources or (_demo_recording(),)
         orders = [order_of(files, info, rig_path=rig_path, reading=recording_options)]
     title = Path(sources[0]).stem if is_survey else orders[0].info.bridge_id
     with frame_bar(title) as on_progress, _saying_what_is_kept():
-        report = build_bridges(orders, recipe, dataset, replace(options, on_progress=on_progress))
+        report = build_bridges(orders, recipe, folder, replace(options, on_progress=on_progress))
     done = report if is_survey else only_report(report)
     print(json.dumps(done.to_document(), indent=2) if as_json else done.to_text())
     context.exit(1 if report.failed else 0)
@@ -101,7 +103,7 @@ def command(  # the options of a build are many: most are handed on as they are
 def _info(
     sources: tuple[str, ...],
     bridge_id: str | None,
-    dataset: Path,
+    dataset: Place,
     *,
     bridge_info: Path | None,
     licence: str | None,
@@ -109,8 +111,9 @@ def _info(
     """Gather what is said of the one bridge; its id comes from the file where nobody gave one."""
     from civil_rgbd.builder.bridge import require_free_id
     from civil_rgbd.domain.bridge import BridgeInfo
+    from civil_rgbd.storage.places import place_of
 
-    bridge_id = bridge_id or (Path(sources[0]).stem if sources else "demo")
+    bridge_id = bridge_id or (place_of(sources[0]).stem if sources else "demo")
     require_free_id(dataset, bridge_id)
     unsaid = BridgeInfo(bridge_id)
     if not sources:

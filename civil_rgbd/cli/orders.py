@@ -47,11 +47,12 @@ def order_of(
     from civil_rgbd.converters import open_recording
     from civil_rgbd.domain.recording import RecordingOptions
     from civil_rgbd.domain.rig import RigFile
+    from civil_rgbd.storage.places import place_of
     from civil_rgbd.trajectories.rig import read_rig
 
     rig = read_rig(rig_path) if rig_path else RigFile()
     options = RecordingOptions(rig=rig, **read_beside(dict(reading)))
-    options = replace(options, more_files=tuple(map(Path, sources[1:])))
+    options = replace(options, more_files=tuple(map(place_of, sources[1:])), sha256=tuple(sha256))
     beside = [reading[name] for name in _BESIDE if reading.get(name) is not None]
     files = [Path(source) for source in sources if Path(source).exists()]
 

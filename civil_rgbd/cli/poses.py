@@ -24,7 +24,7 @@ _REDRAW_S = 0.2
 
 
 @click.command("poses")
-@click.argument("source")
+@click.argument("sources", metavar="SOURCE...", nargs=-1, required=True)
 @click.option(
     "--engine",
     "engine_name",
@@ -79,7 +79,7 @@ _REDRAW_S = 0.2
 )
 @click.option("--overwrite", is_flag=True, help="Replace poses that are there.")
 def command(
-    source: str,
+    sources: tuple[str, ...],
     *,
     engine_name: str,
     out: Path,
@@ -93,6 +93,8 @@ def command(
 ) -> int:
     """Compute poses of SOURCE, a recording with LiDAR and IMU, by an odometry engine.
 
+    The files of a recording that was split are given in order.
+
     The engine runs as a program of its own. FILE.tum gets the poses of the IMU, each at its own
     stamp; FILE.quality.csv beside it says how far each can be trusted. Exit code 1: some cannot.
     """
@@ -104,7 +106,7 @@ def command(
     _refuse_to_overwrite(out, overwrite=overwrite)
     with _ends_when_told(), _bar() as on_step:
         program = _program(engine, environment, create=create_environment, on_step=on_step)
-        recording = _opened(source, options)
+        recording = _opened(sources, options)
         with _scratch(keep, out) as scratch:
             found = judged_poses(
                 recording,
@@ -120,15 +122,17 @@ def command(
     return 1 if found.weak else 0
 
 
-def _opened(source: str, options: dict[str, Any]) -> MotionRecording:
+def _opened(sources: tuple[str, ...], options: dict[str, Any]) -> MotionRecording:
     from civil_rgbd.converters import open_motion
     from civil_rgbd.domain.recording import RecordingOptions
     from civil_rgbd.domain.rig import RigFile
+    from civil_rgbd.storage.places import place_of
     from civil_rgbd.trajectories.rig import read_rig
 
     rig_path = options.pop("rig_path")
     rig = read_rig(rig_path) if rig_path else RigFile()
-    return open_motion(source, RecordingOptions(rig=rig, **options))
+    more = tuple(map(place_of, sources[1:]))
+    return open_motion(sources[0], RecordingOptions(rig=rig, more_files=more, **options))
 
 
 def _program(
@@ -140,7 +144,7 @@ def _program(
         environment_folder,
         find_program,
     )
-    from civil_rgbd.simulator.cache import cache_folder
+    from civil_rgbd.resources import cache_folder
 
     folder = (folder or environment_folder(cache_folder(), engine)).absolute()
     try:

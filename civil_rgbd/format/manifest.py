@@ -107,7 +107,7 @@ def manifest_to_document(manifest: Manifest) -> Document:
             "bridge": bridge,
             "rig": None if manifest.rig is None else _rig_to(manifest.rig),
             "recipe": None if manifest.recipe is None else _recipe_to(manifest.recipe),
-            "sources": [dataclasses.asdict(source) for source in manifest.sources],
+            "sources": [_source_to(source) for source in manifest.sources],
             "reading": dict(sorted(manifest.reading.items())),
             "software": _software_to(manifest.software),
             "counts": _counts_to(manifest.counts),
@@ -120,6 +120,13 @@ def manifest_to_document(manifest: Manifest) -> Document:
             "warnings": manifest.warnings,
         }
     )
+    return document
+
+
+def _source_to(source: SourceFile) -> Document:
+    document = dataclasses.asdict(source)
+    if document["etag"] is None:
+        del document["etag"]
     return document
 
 

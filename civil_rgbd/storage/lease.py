@@ -179,7 +179,7 @@ def _look(lock: RemotePath) -> _Other | None:
         return None
     except ValueError:
         note = {}
-    age_s = _server_time_s(lock) - stat.modified_s
+    age_s = _server_time_s(lock) - stat.st_mtime_ns / 1e9
     dead = age_s > LEASE_S
     if note.get("machine") == _machine():
         dead = _started(note.get("process", 0)) != note.get("started")
@@ -191,7 +191,7 @@ def _server_time_s(lock: RemotePath) -> float:
     probe = lock.with_name(f".clock.{secrets.token_hex(8)}")
     probe.write_bytes(b"")
     try:
-        return probe.stat().modified_s
+        return probe.stat().st_mtime_ns / 1e9
     finally:
         probe.unlink()
 

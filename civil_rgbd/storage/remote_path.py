@@ -30,12 +30,12 @@ class RemoteStat:
     Attributes:
         st_size: bytes.
         etag: changes whenever the object is written; None where the server gives none.
-        modified_s: when it was written, seconds since the Unix epoch by the server's clock.
+        st_mtime_ns: when it was written, by the server's clock, which counts seconds.
     """
 
     st_size: int
     etag: str | None
-    modified_s: float
+    st_mtime_ns: int
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -114,7 +114,7 @@ class RemotePath:
         info: ObjectInfo | None = ask("head", self.url)
         if info is None:
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self))
-        return RemoteStat(info.size_bytes, info.etag, info.modified_s)
+        return RemoteStat(info.size_bytes, info.etag, round(info.modified_s * 1e9))
 
     def pin(self) -> RemotePath:
         """Return the same name, bound to the object as it is now: reading another is an error.
