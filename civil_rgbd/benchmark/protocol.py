@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -24,8 +25,9 @@ from numpy.typing import NDArray
 from civil_rgbd.domain.frame import FrameRow
 from civil_rgbd.domain.split import Split
 from civil_rgbd.errors import UsageError
-from civil_rgbd.evaluation.frames import all_frames, require_bridge
+from civil_rgbd.evaluation.frames import all_frames, open_bridges, require_bridge
 from civil_rgbd.format.reader import Bridge
+from civil_rgbd.format.split_files import read_split
 from civil_rgbd.geometry.transforms import matrix_from_quaternion
 
 SAME, REMAINDER, APART = TESTS = ("same", "remainder", "apart")
@@ -55,6 +57,30 @@ class ShotRequest:
     shots: int = 0
     seed: int = 0
     draw: int = DRAW
+
+
+def split_for(data: Path, request: ShotRequest | None, *, split_file: Path | None) -> Split:
+    """Return the split of a file, or draw one.
+
+    Args:
+        data: a dataset folder.
+        request: what to draw; None with a file.
+        split_file: of a split; None to draw.
+
+    Raises:
+        UsageError: both are given, or neither, or the data does not have what it takes.
+        FormatError: the file is no split.
+    """
+    if (request is None) == (split_file is None):
+        raise UsageError(
+            "which frames train is said twice" if request else "nothing says which frames train",
+            where="--test-bridge, --split",
+            fix="give one of --test-bridge ID and --split FILE",
+        )
+    if split_file is not None:
+        return read_split(split_file)
+    assert request is not None  # noqa: S101  # seen to above; tells mypy
+    return draw_split(open_bridges(data), request, where=data)
 
 
 def draw_split(bridges: Mapping[str, Bridge], request: ShotRequest, *, where: object) -> Split:

@@ -15,9 +15,11 @@ from civil_rgbd.errors import BridgeFailedError, CivilRgbdError
 from civil_rgbd.resources import nearest
 
 COMMANDS: Final = {
+    "benchmark": "Train with one bridge left out, and tabulate the errors on it.",
     "build": "Build a bridge folder from a raw recording.",
     "convert": "Take over a set that others rendered, as a bridge folder.",
     "download": "Fetch an accepted bridge, verified.",
+    "evaluate": "Score a trained model, or predictions on disk.",
     "export": "Write bridges in the layouts that other programs read.",
     "finish": "Join the parts of a build that were made one by one.",
     "export-onnx": "Write a trained model as ONNX, compared with torch.",
@@ -30,6 +32,7 @@ COMMANDS: Final = {
     "recipes": "List the recipes that ship, or print one.",
     "rig": "Import a calibration as a rig file, or check one against a recording.",
     "simulate": "Write a simulated recording.",
+    "train": "Train a depth model.",
     "validate": "Check a dataset or bridge against the format.",
     "verify": "Prove a dataset or bridge: its hashes, and its frames rendered again.",
 }

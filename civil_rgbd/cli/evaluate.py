@@ -56,20 +56,12 @@ def command(
     (BRIDGE/FRAME.exr, or 16-bit .png), or any model that `load_model` takes.
     """
     from civil_rgbd.cli.progress import frame_bar
-    from civil_rgbd.errors import UsageError
+    from civil_rgbd.cli.scoring_rules import rules_from
     from civil_rgbd.evaluation.choice import choose_model, choose_split
-    from civil_rgbd.evaluation.metrics import MetricRules
     from civil_rgbd.evaluation.results import results_markdown, write_results
     from civil_rgbd.evaluation.run import EvaluationOptions, evaluate
 
-    limits = {"min_depth_m": min_depth_m, "max_depth_m": max_depth_m}
-    given = {name: value for name, value in limits.items() if value is not None}
-    try:
-        rules = MetricRules(**given, median_scaling=median_scaling)
-    except ValueError as error:
-        raise UsageError(
-            str(error), where="--min-depth, --max-depth", fix="give 0 < min < max"
-        ) from error
+    rules = rules_from(min_depth_m, max_depth_m, median_scaling=median_scaling)
     split = choose_split(model, data, split_file=split_file, bridges=bridges)
     with frame_bar("evaluate") as on_progress:
         options = EvaluationOptions(rules=rules, flip=flip, on_progress=on_progress)

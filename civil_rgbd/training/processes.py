@@ -34,6 +34,11 @@ class Processes:
         """The first process writes files and speaks."""
         return self.rank == 0
 
+    def wait(self) -> None:
+        """Wait until every process is here: what the first one wrote is there for all."""
+        if self.count > 1:
+            distributed.barrier()
+
 
 @contextmanager
 def joined(device: str) -> Iterator[Processes]:

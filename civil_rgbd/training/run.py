@@ -132,6 +132,7 @@ def train(job: TrainingJob, options: TrainingOptions | None = None) -> TrainingR
         identity = _identity(job, processes)
         if processes.is_first:
             _prepare_folder(job, identity, overwrite=options.overwrite)
+        processes.wait()
         frames = TrainingFrames(job.data, job.split.train, job.recipe, seed=job.seed)
         order = TrainingOrder(len(frames), job.recipe.run.batch, job.seed)
         if (job.out / MODEL_FILE).is_file():
@@ -293,6 +294,7 @@ def _finish(
         save_model(loop.model, job.out / MODEL_FILE)
         with writing(job.out):
             (job.out / CHECKPOINT).unlink(missing_ok=True)
+    processes.wait()
 
 
 def _report(

@@ -46,14 +46,15 @@ def test_one_batch_is_learnt_by_heart(learnable: Path, tmp_path: Path) -> None:
     by_heart = Split(train={"B1": ids(0, 1, 2, 3)}, tests={"all": {"B1": ids(0, 1, 2, 3)}})
     settings = (
         *("augment.flip=0.0", "augment.roll_deg=0.0", "augment.colour=0.0"),
-        *("run.steps=80", "optimiser.learning_rate=3e-3", "run.checkpoint_every=1000"),
+        *("run.steps=50", "optimiser.learning_rate=3e-3", "run.checkpoint_every=1000"),
+        *("model_options.features=32", "model_options.max_depth_m=20.0"),
     )
     report = train(job(learnable, tmp_path / "run", *settings, split=by_heart), QUIET)
     test = Split(train={}, tests=by_heart.tests)
     scores = evaluate(load_model(tmp_path / "run"), learnable, test).scores("all")
 
     assert scores.per_image["abs_rel"] < 0.05
-    assert report.steps == 80
+    assert report.steps == 50
     assert report.last_loss < 1
 
 

@@ -1,0 +1,153 @@
+"""One cell of the table: a model, a seed, a number of shots; trained, scored, kept."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from civil_rgbd.baselines.model import DepthModel, StoredDepth, load_model
+from civil_rgbd.benchmark.protocol import ShotRequest, draw_split
+from civil_rgbd.domain.split import Split
+from civil_rgbd.evaluation.frames import open_bridges
+from civil_rgbd.evaluation.metrics import MetricRules
+from civil_rgbd.evaluation.results import RESULTS, write_results
+from civil_rgbd.evaluation.run import EvaluationOptions, evaluate
+from civil_rgbd.format.atomic import writing
+from civil_rgbd.format.split_files import write_split
+from civil_rgbd.training.recipe_files import load_training_recipe, training_recipe_texts
+from civil_rgbd.training.run import SPLIT, TrainingJob, TrainingOptions, train
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """What to train and score; sent to worker processes.
+
+    Attributes:
+        data: a dataset folder.
+        out: the benchmark's folder.
+        model: a training recipe (by name or ``.toml``), or anything that ``load_model`` takes:
+            that is scored as it is.
+        request: test bridge, shots, seed, draw.
+        settings: changes of the recipe.
+        device: to train on.
+        threads: of torch; 0 leaves them alone.
+        rules: which pixels count.
+        flip: average predictions over flips.
+        tensorboard: write for TensorBoard.
+    """
+
+    data: Path
+    out: Path
+    model: str
+    request: ShotRequest
+    settings: tuple[str, ...] = ()
+    device: str = "auto"
+    threads: int = 0
+    rules: MetricRules = field(default_factory=MetricRules)
+    flip: bool = False
+    tensorboard: bool = True
+
+    @property
+    def name(self) -> str:
+        """What tables call the model."""
+        return Path(self.model).stem if self.model.endswith(".toml") else self.model
+
+    @property
+    def folder(self) -> Path:
+        """Where the cell's run and results lie."""
+        model = re.sub(r"[^A-Za-z0-9._-]+", "-", self.name).strip("-")
+        request = self.request
+        return self.out / "cells" / model / f"seed-{request.seed}" / f"shots-{request.shots}"
+
+
+@dataclass(frozen=True, slots=True)
+class CellResult:
+    """What came out of a cell.
+
+    Attributes:
+        model: what tables call it.
+        seed: of the draw and the training.
+        shots: frames of the test bridge that trained.
+        folder: where run and results lie.
+        results: the document of ``results.json``.
+    """
+
+    model: str
+    seed: int
+    shots: int
+    folder: Path
+    results: dict[str, Any]
+
+
+def is_trained(model: str) -> bool:
+    """Tell whether a model is named by a training recipe, and is trained for each cell.
+
+    >>> is_trained("bts-small"), is_trained("predictions:folder")
+    (True, False)
+    """
+    return model.endswith(".toml") or model in training_recipe_texts()
+
+
+def split_of(cell: Cell) -> Split:
+    """Draw the cell's split.
+
+    Raises:
+        UsageError: the data does not have what it takes.
+    """
+    return draw_split(open_bridges(cell.data), cell.request, where=cell.data)
+
+
+def model_of(cell: Cell) -> DepthModel | StoredDepth:
+    """Load the model of a cell that is done.
+
+    Raises:
+        UsageError: there is none.
+    """
+    return load_model(cell.folder if is_trained(cell.model) else cell.model)
+
+
+def run_cell(cell: Cell) -> CellResult:
+    """Train and score a cell; what is done already is kept.
+
+    Raises:
+        CivilRgbdError: as :func:`civil_rgbd.training.run.train` and
+            :func:`civil_rgbd.evaluation.run.evaluate`.
+    """
+    if cell.threads:
+        torch.set_num_threads(cell.threads)
+    split = split_of(cell)
+    if is_trained(cell.model):
+        recipe = load_training_recipe(cell.model, cell.settings)
+        job = TrainingJob(cell.data, split, recipe, cell.folder, seed=cell.request.seed)
+        train(job, TrainingOptions(device=cell.device, tensorboard=cell.tensorboard))
+    else:
+        with writing(cell.folder):
+            cell.folder.mkdir(parents=True, exist_ok=True)
+        write_split(cell.folder / SPLIT, split)
+    document = _known_results(cell, split) or _scored(cell, split)
+    return CellResult(cell.name, cell.request.seed, cell.request.shots, cell.folder, document)
+
+
+def _scored(cell: Cell, split: Split) -> dict[str, Any]:
+    options = EvaluationOptions(rules=cell.rules, flip=cell.flip)
+    evaluation = evaluate(model_of(cell), cell.data, split, options)
+    return write_results(cell.folder, evaluation, model=cell.name, data=cell.data.resolve().name)
+
+
+def _known_results(cell: Cell, split: Split) -> dict[str, Any] | None:
+    """Return the results that are there, unless they are of other frames or rules."""
+    path = cell.folder / RESULTS
+    if not path.is_file():
+        return None
+    document: dict[str, Any] = json.loads(path.read_text("utf-8"))
+    rules = document["rules"]
+    same_rules = all(
+        rules[name] == getattr(cell.rules, name) for name in MetricRules.__dataclass_fields__
+    )
+    same = document["split"]["sha256"] == split.sha256() and rules["flip_averaged"] == cell.flip
+    return document if same and same_rules else None
