@@ -17,7 +17,8 @@ import pytest
 
 from civil_rgbd.cli import main
 
-from .conversion import containers, messages, scene
+from .conversion import containers, lvx_writer, messages, scene
+from .conversion.test_scan_folder import folder_of_scans
 from .trajectories import calibrations
 
 GOLDEN = Path(__file__).parent / "data/error_messages.json"
@@ -228,6 +229,35 @@ def _lidar_file(name: str, data: bytes, *options: str) -> Case:
     return case
 
 
+def _broken_scan(folder: Path) -> list[str]:
+    scans = folder_of_scans(folder)
+    (scans / "1.pcd").write_bytes((scans / "1.pcd").read_bytes()[:-9])
+    (folder / "rig.toml").unlink()
+    return ["build", "--out", str(folder / "out"), "--scans-in", "lidar", str(scans)]
+
+
+def _lvx(*, hole: range = range(0), back: bool = False) -> bytes:
+    points = lvx_writer.cartesian(np.ones((96, 3)))
+    stamps = [10**9 + at * 10**8 for at in range(4)]
+    if back:
+        stamps[2] = stamps[0]
+    frames = [[lvx_writer.Packet(stamp, points)] for stamp in stamps]
+    data = bytearray(lvx_writer.file_bytes(frames))
+    data[hole.start : hole.stop] = bytes(len(hole))
+    return bytes(data)
+
+
+def _cut_poses(length: int | None) -> Case:
+    def poses() -> list[scene.Message]:
+        found = scene.poses()
+        zero = messages.odometry(scene.stamp(3), (0.0,) * 7, child="lidar", frame="odom")
+        payload = found[3].payload[:length] if length else zero
+        found[3] = found[3]._replace(payload=payload)
+        return found
+
+    return _with(poses=poses)
+
+
 _TUM = "1700000000.0 0 0 0 0 0 0 1\n1700000001.0 1 0 0 0 0 0 1\n"
 
 
@@ -322,6 +352,12 @@ CASES: dict[str, Case] = {
     "not an LVX file": _lidar_file("scan.lvx", b"a shopping list, and a long one too"),
     "scans in nobody knows which frame": _lidar_file("scan.pcd", b""),
     "scans without a time list": _lidar_file("scan.ply", b"", "--scans-in", "lidar"),
+    "one broken scan of a folder": _broken_scan,
+    "LVX with a hole": _lidar_file("scan.lvx", _lvx(hole=range(1400, 1600))),
+    "LVX whose clock steps back": _lidar_file("scan.lvx", _lvx(back=True)),
+    "cut odometry message": _cut_poses(20),
+    "pose that is none": _cut_poses(None),
+    "poses that nobody judged": _options("--set", "poses.min_quality=0.5"),
     "images without a folder": _options("--image-times", "times.txt"),
     "inspect nothing": lambda folder: ["inspect-recording", str(folder / "missing.mcap")],
     "unknown simulated bridge": lambda folder: [

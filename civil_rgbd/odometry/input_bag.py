@@ -124,9 +124,11 @@ def _sweeps(
     last_end = int(imu.stamps_ns[0])
     for index in order:
         on_progress(1, len(order))
-        sweep = _usable(index, recording.read_scan(index))
-        reason = None
-        if (sweep.points_lidar != 0).any(axis=1).sum() < _FEWEST_POINTS:
+        scan = recording.read_scan(index)
+        sweep, reason = _usable(index, scan), None
+        if scan.unreadable:
+            reason = "scan-undecodable"
+        elif (sweep.points_lidar != 0).any(axis=1).sum() < _FEWEST_POINTS:
             reason = "scan-with-few-returns"
         elif sweep.stamps_ns[0] < imu.stamps_ns[0] or sweep.stamps_ns[-1] > imu.stamps_ns[-1]:
             reason = "scan-without-imu"

@@ -125,7 +125,8 @@ def test_a_broken_scan_stops_a_build_unless_it_is_to_be_left_out(
     walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scans = write_scans(tmp_path / "pcd", SimulatedRecording(SPEC), "pcd")
-    (scans / "4.pcd").write_bytes((scans / "4.pcd").read_bytes()[:-40])
+    # Its points are in a window; those of some others are not read at all.
+    (scans / "7.pcd").write_bytes((scans / "7.pcd").read_bytes()[:-40])
     words = (
         f"build --recipe demo --workers 1 --licence CC0-1.0 --bridge B1 --out {tmp_path / 'out'}"
     )
@@ -135,12 +136,20 @@ def test_a_broken_scan_stops_a_build_unless_it_is_to_be_left_out(
 
     assert main([*words.split(), *given]) == 2
     err = capsys.readouterr().err
-    assert "4.pcd" in err
+    assert "7.pcd" in err
     assert "--salvage" in err
     assert main([*words.split(), "--salvage", *given]) == 0
     manifest = json.loads((tmp_path / "out/bridges/B1/manifest.json").read_text())
     assert manifest["counts"]["skipped"] == {"scan-undecodable": 1}
     assert "scan-undecodable 1" in capsys.readouterr().out
+
+
+def test_a_second_source_beside_one_that_is_never_split_is_refused(
+    walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert build(walk, tmp_path, "--pose-of", "imu", str(walk / "lvx/walk.lvx")) == 2
+    err = capsys.readouterr().err
+    assert "2 sources are given, but this one is no recording that is split into files" in err
 
 
 def headed(walk: Path, body: str) -> str:

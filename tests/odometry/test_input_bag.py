@@ -84,6 +84,23 @@ def test_rosbags_reads_it_with_the_imu_before_the_scan_it_belongs_to(
     assert [stamp for _, stamp in times] == sorted(stamp for _, stamp in times)
 
 
+@dataclass(frozen=True, eq=False)
+class Damaged(Walk):
+    """A walk with one message that is left out."""
+
+    def read_scan(self, index: int) -> LidarScan:
+        scan = super().read_scan(index)
+        return LidarScan.lost(scan.stamp_ns) if index == 4 else scan
+
+
+def test_a_damaged_scan_is_counted_as_such(tmp_path: Path) -> None:
+    scans = written(tmp_path / "scan.bag", Damaged(ROOM, seconds=1.0))
+
+    assert scans.dropped == {"scan-undecodable": 1}
+    assert 4 not in scans.indices
+    assert len(open_motion(tmp_path / "scan.bag").scan_stamps_ns) == 9
+
+
 def test_points_without_a_return_stay_in_as_zeros_and_in_order(tmp_path: Path) -> None:
     walk = Tampered(ROOM, seconds=1.0)
 
