@@ -137,9 +137,9 @@ class _Decoder(nn.Module):
         self.reduc1x1 = _Reduction(f16, features // 32, to_depth=True)
         self.conv1 = _conv3_elu(f16 + 4, f16)
         self.get_depth = nn.Sequential(_conv3(f16, 1), nn.Sigmoid())
-        for part in self.modules():
-            if isinstance(part, nn.Conv2d):
-                nn.init.xavier_uniform_(part.weight)
+        for module in self.modules():
+            if isinstance(module, nn.Conv2d):
+                nn.init.xavier_uniform_(module.weight)
 
     def forward(self, taps: list[Tensor]) -> BtsDepths:
         skip2, skip4, skip8, skip16, deepest = taps
@@ -162,7 +162,7 @@ class _Decoder(nn.Module):
     def _dense_atrous(self, with_skip: Tensor) -> Tensor:
         """Look ever further around, each time at all that was seen before (at 1/8)."""
         x = self.bn4_2(self.conv4(with_skip))
-        seen = []
+        seen: list[Tensor] = []
         for dilation in _DILATIONS:
             part = self.get_submodule(f"daspp_{dilation}")
             seen.append(part(torch.cat([with_skip, *seen], 1) if seen else x))

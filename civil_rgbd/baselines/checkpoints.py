@@ -231,7 +231,7 @@ def _numpy_data() -> list[Any]:
         for function, name in ((arrays, "_reconstruct"), (numbers, "scalar"))
         for module in ("core", "_core")
     ]
-    kinds = {type(np.dtype(kind)) for kind in (*np.sctypeDict.values(), np.str_)}
+    kinds = {type(np.dtype(code)) for code in (*np.typecodes["All"], "U")}
     return [np.ndarray, np.dtype, (codecs.encode, "_codecs.encode"), *renamed, *kinds]
 
 
@@ -246,10 +246,11 @@ def _read_safetensors(path: Path) -> Mapping[str, Any]:
             fix='pip install "civil-rgbd[zoe]"',
         ) from error
     try:
-        return load_file(path)
+        tensors: Mapping[str, Any] = load_file(path)
     except SafetensorError as error:
         raise FormatError(
             f"the file cannot be read as tensors: {error}",
             where=path,
             fix="copy or download it again, it may be cut off",
         ) from error
+    return tensors

@@ -78,7 +78,7 @@ class TappedEncoder(nn.Module):
             is_norm = isinstance(part, nn.BatchNorm2d) and "downsample" not in name
             if is_norm or name == self.spec.first_convolution:
                 for parameter in part.parameters():
-                    parameter.requires_grad_(requires_grad=False)
+                    parameter.requires_grad = False
                     frozen += parameter.numel()
         return frozen
 
@@ -141,7 +141,7 @@ class _ResNet(nn.Module):
             self.add_module(f"layer{number + 1}", nn.Sequential(*layer))
         self.fc = nn.Linear(inputs, 1000)
         for parameter in self.fc.parameters():
-            parameter.requires_grad_(requires_grad=False)  # never used: it would never get one
+            parameter.requires_grad = False  # never used: it would never get one
         _initialise(self)
 
 

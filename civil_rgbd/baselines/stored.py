@@ -128,7 +128,8 @@ class StoredPredictions:
                 where=path,
                 fix="write depth, not a picture of it; 8 bits are too coarse",
             )
-        return (stored / np.float64(self.units_per_m)).astype(np.float32)
+        depth_m: NDArray[np.float32] = (stored / np.float64(self.units_per_m)).astype(np.float32)
+        return depth_m
 
 
 def _read_exr(path: Path) -> NDArray[np.float32]:

@@ -144,7 +144,7 @@ class TransformersModel(TorchDepthModel):
             self.register_buffer(buffer, torch.tensor(values).view(3, 1, 1), persistent=False)
         for key, parameter in self.network.named_parameters():
             if any(mark in key for mark in _NEVER_USED):
-                parameter.requires_grad_(requires_grad=False)
+                parameter.requires_grad = False
 
     def forward(self, rgb: Tensor, intrinsics: Tensor) -> Tensor:
         """Predict a batch of any size, with gradient; see :class:`TorchDepthModel`."""

@@ -87,11 +87,11 @@ class ZoeModel(TorchDepthModel):
             if source is None
             else _with_weights(source, settings, head)
         )
-        heads = network.config.bin_configurations
+        heads = settings.bin_configurations
         min_depth_m = min(float(one["min_depth"]) for one in heads)
         max_depth_m = max(float(one["max_depth"]) for one in heads)
         options = {
-            "config": json.loads(network.config.to_json_string()),
+            "config": json.loads(settings.to_json_string(use_diff=False)),
             "min_depth_m": min_depth_m,
             "max_depth_m": max_depth_m,
             "width_px": width_px,
@@ -104,7 +104,7 @@ class ZoeModel(TorchDepthModel):
         self.network, self.is_trained = network, source is not None
         for key, parameter in network.named_parameters():
             if key.startswith(_NEVER_USED):
-                parameter.requires_grad_(requires_grad=False)
+                parameter.requires_grad = False
 
     def forward(self, rgb: Tensor, intrinsics: Tensor) -> Tensor:
         """Predict a batch, with gradient; see :class:`TorchDepthModel`. The camera is not used."""
@@ -258,4 +258,5 @@ def _with_weights(source: str, settings: ZoeDepthConfig, head: str | None) -> nn
             + ", ".join(other_shape),
             stacklevel=4,
         )
-    return network
+    made: nn.Module = network
+    return made
