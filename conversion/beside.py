@@ -26,8 +26,15 @@ def refuse_topics(options: RecordingOptions, *names: str, where: object) -> None
         where: the source.
 
     Raises:
-        UsageError: one is given.
+        UsageError: one is given, or a second source: nothing is split into files like it.
     """
+    if options.more_files:
+        raise UsageError(
+            f"{len(options.more_files) + 1} sources are given, but this one is no recording that "
+            "is split into files",
+            where=where,
+            fix="give each a build of its own; scans in files of their own go into one folder",
+        )
     for name in (*_NO_TOPICS, *names):
         if getattr(options, name) is not None:
             option = "--" + name.replace("_", "-")

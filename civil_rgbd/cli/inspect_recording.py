@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command("inspect-recording")
-@click.argument("sources", metavar="SOURCE", nargs=-1, required=True)
+@click.argument("sources", metavar="SOURCE...", nargs=-1, required=True)
 @options_of_recording
 @click.option(
     "--topics",
@@ -39,6 +39,8 @@ def command(
 ) -> None:
     """Say what SOURCE, a raw recording, holds: topics, rates, clocks, gaps, frames.
 
+    The files of a recording that was split are given in order.
+
     What a build misses is listed with the option that supplies it; give that option here to see
     whether it is enough. Exit code 0: a build could start; 1: something is missing; 2: SOURCE
     cannot be read.
@@ -47,15 +49,16 @@ def command(
     from civil_rgbd.domain.rig import RigFile
     from civil_rgbd.health.inspection import findings_of
     from civil_rgbd.health.inspection_report import InspectionReport
+    from civil_rgbd.storage.places import place_of
     from civil_rgbd.trajectories.rig import read_rig
 
     rig = read_rig(rig_path) if rig_path else RigFile()
     options = RecordingOptions(rig=rig, **read_beside(recording_options))
-    options = replace(options, more_files=tuple(map(Path, sources[1:])))
+    options = replace(options, more_files=tuple(map(place_of, sources[1:])))
     if only_topics:
         context.exit(_list_topics(sources[0], options, as_json=as_json))
     summary = _summary(sources[0], options)
-    report = InspectionReport(summary, findings_of(summary, options))
+    report = InspectionReport(summary, findings_of(summary, options), files=len(sources))
     print(json.dumps(report.to_document(), indent=2) if as_json else report.to_text())
     context.exit(1 if report.errors else 0)
 

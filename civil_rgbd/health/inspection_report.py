@@ -28,10 +28,12 @@ class InspectionReport:
     Attributes:
         summary: what it holds.
         findings: what it lacks or what is odd, errors first.
+        files: how many it was split into.
     """
 
     summary: RecordingSummary
     findings: tuple[Finding, ...]
+    files: int = 1
 
     @property
     def errors(self) -> int:
@@ -44,6 +46,7 @@ class InspectionReport:
         T = summary.T_lidar_camera
         return {
             "name": summary.name,
+            "files": self.files,
             "converter": summary.converter,
             "size_bytes": summary.size_bytes,
             "messages": summary.messages,
@@ -63,7 +66,7 @@ class InspectionReport:
         """Return it for people: one screen."""
         return "\n".join(
             [
-                _headline(self.summary),
+                _headline(self.summary, self.files),
                 *_topic_lines(self.summary),
                 *_clock_lines(self.summary),
                 *_frame_lines(self.summary),
@@ -79,13 +82,15 @@ class InspectionReport:
         return f"no build can start yet: {things} in its way"
 
 
-def _headline(summary: RecordingSummary) -> str:
+def _headline(summary: RecordingSummary, files: int) -> str:
+    more = "1 more file" if files == 2 else f"{files - 1} more files"
+    name = summary.name if files == 1 else f"{summary.name} and {more}"
     if summary.converter == NOT_OPENED:
-        return f"{summary.name}: {NOT_OPENED}, so nothing is known of what it holds"
+        return f"{name}: {NOT_OPENED}, so nothing is known of what it holds"
     logged = summary.logged
     span_s = (logged.last_ns - logged.first_ns) / NS_PER_S if logged else 0.0
     return (
-        f"{summary.name}: {summary.converter}, {_size(summary.size_bytes)}, {_amount(summary)} "
+        f"{name}: {summary.converter}, {_size(summary.size_bytes)}, {_amount(summary)} "
         f"over {span_s:.1f} s, {'damaged' if summary.damage else 'whole'}"
     )
 

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from civil_rgbd.cli import main
 from civil_rgbd.converters import open_motion
@@ -66,6 +68,47 @@ def test_poses_are_written_with_their_quality_and_what_is_weak_is_said(
     assert found.quality is not None
     assert (found.quality[:15] == 0).all()
     assert (found.quality[15:] > 0.5).all()
+
+
+def split(raw: Path, folder: Path) -> list[str]:
+    """Cut a recording in two files, as recorders do when one grows too large."""
+    parts = [folder / f"raw_{at}.mcap" for at in range(2)]
+    with raw.open("rb") as file:
+        messages = list(make_reader(file).iter_messages())
+    for part, chosen in zip(parts, (messages[: len(messages) // 2], messages), strict=True):
+        with part.open("wb") as file:
+            writer = Writer(file)
+            writer.start()
+            schemas: dict[str, int] = {}
+            channels: dict[str, int] = {}
+            for schema, channel, message in chosen[0 if part is parts[0] else len(messages) // 2 :]:
+                assert schema is not None
+                name, kind = channel.topic, schema.name
+                if kind not in schemas:
+                    schemas[kind] = writer.register_schema(kind, schema.encoding, schema.data)
+                if name not in channels:
+                    channels[name] = writer.register_channel(name, "cdr", schemas[kind])
+                writer.add_message(
+                    channels[name], message.log_time, message.data, message.publish_time
+                )
+            writer.finish()
+    return [str(part) for part in parts]
+
+
+def test_the_files_of_a_split_recording_are_one_walk(
+    tmp_path: Path, raw: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = environment(tmp_path, raw)
+    parts = split(raw, tmp_path)
+    given = ["--environment", str(folder)]
+
+    whole = main(["poses", str(raw), *given, "--out", str(tmp_path / "whole.tum")])
+    assert main(["poses", *parts, *given, "--out", str(tmp_path / "split.tum")]) == whole
+    capsys.readouterr()
+    main(["inspect-recording", *parts])
+
+    assert (tmp_path / "split.tum").read_bytes() == (tmp_path / "whole.tum").read_bytes()
+    assert "raw_0.mcap and 1 more file: mcap" in capsys.readouterr().out
 
 
 def test_a_failed_engine_leaves_nothing_and_what_was_there_stays(
