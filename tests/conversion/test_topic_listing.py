@@ -131,6 +131,17 @@ class TestWithoutAnIndexToTrust:
 
         assert_lists_all(bag.list_topics(path), by_index=False)
 
+    def test_an_index_record_that_is_missing_is_noticed(self, tmp_path: Path) -> None:
+        path = write_bag(tmp_path)
+        data = path.read_bytes()
+        place = data.index(b"index_pos=") + 10
+        (index_at,) = struct.unpack_from("<Q", data, place)
+        lost = data.rindex(b"\x2f\0\0\0", 0, index_at)  # the last record behind the last chunk
+        moved = struct.pack("<Q", lost)
+        path.write_bytes(data[:place] + moved + data[place + 8 : lost] + data[index_at:])
+
+        assert_lists_all(bag.list_topics(path), by_index=False)
+
     def test_an_index_position_beyond_the_file_is_not_believed(self, tmp_path: Path) -> None:
         path = write_bag(tmp_path)
         data = bytearray(path.read_bytes())
