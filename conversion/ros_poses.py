@@ -68,8 +68,9 @@ def trajectory_from(
 
 
 def _are_poses(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
-    proper: NDArray[np.bool_] = np.isfinite(poses).all(axis=1)
-    return proper & (np.abs(_norms(poses) - 1) <= _NORM_TOLERANCE)
+    finite, of_norm_1 = np.isfinite(poses), np.abs(_norms(poses) - 1) <= _NORM_TOLERANCE
+    proper: NDArray[np.bool_] = finite.all(axis=1) & of_norm_1
+    return proper
 
 
 def _norms(poses: NDArray[np.float64]) -> NDArray[np.float64]:
