@@ -69,10 +69,11 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=cache_folder() / "train-benchmark")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--threads", type=int, default=os.cpu_count(), help="of unseen")
     parser.add_argument("--quick", action="store_true", help="a few steps: does it run?")
     parser.add_argument("--set", dest="settings", action="append", default=[])
     options = parser.parse_args()
-    torch.set_num_threads(os.cpu_count() or 1)
+    torch.set_num_threads(options.threads or 1)
     folder = options.folder / "quick" if options.quick else options.folder
     data = make_dataset(folder / "data", test_frames=40 if options.quick else None)
     settings = (*(QUICK if options.quick else ()), *options.settings)
