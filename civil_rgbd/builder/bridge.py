@@ -156,7 +156,7 @@ def find_whole(folder: Place, wanted: Manifest, *, overwrite: bool) -> Manifest 
     with contextlib.suppress(FormatError):
         there = read_manifest(folder / MANIFEST)
     if there is not None:
-        a, b = (manifest_to_document(replace(m, counts=wanted.counts)) for m in (there, wanted))
+        a, b = (manifest_to_document(manifest) for manifest in (_before(there, wanted), wanted))
         different = sorted(key for key in {*a, *b} if a.get(key) != b.get(key))
         if not different:
             return there
@@ -171,6 +171,12 @@ def find_whole(folder: Place, wanted: Manifest, *, overwrite: bool) -> Manifest 
         where=folder,
         fix="give --overwrite to replace it, or another --bridge or --out",
     )
+
+
+def _before(there: Manifest, wanted: Manifest) -> Manifest:
+    """Return a manifest as it was before its build, which adds counts and what else was damaged."""
+    begun = (there.salvage or "").startswith(wanted.salvage or "")
+    return replace(there, counts=wanted.counts, salvage=wanted.salvage if begun else there.salvage)
 
 
 def _refuse_to_lose_defects(folder: Place) -> None:

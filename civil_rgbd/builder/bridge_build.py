@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from civil_rgbd.builder.bridge import (
@@ -163,7 +163,7 @@ class BridgeBuild:
             folder=self.folder,
             recipe=self.manner.recipe.name,
             counts=manifest.counts,
-            notes=self.recording.notes,
+            notes=replace(self.recording.notes, salvage=manifest.salvage),
             licence=manifest.info.licence,
             seconds=time.monotonic() - self.started,
             frames_found=self.frames_found,

@@ -59,6 +59,7 @@ class FrameRecord:
         points: in its window.
         points_in_view: of those, in the image.
         span_ns: from the window's earliest point to its latest.
+        nearest_ns: from the image to the window's nearest point in time.
     """
 
     source_index: int
@@ -67,6 +68,7 @@ class FrameRecord:
     points: int
     points_in_view: int
     span_ns: int
+    nearest_ns: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +125,7 @@ def _record(job: Job, outcome: FrameOutcome) -> FrameRecord:
         points=outcome.points,
         points_in_view=outcome.points_in_view,
         span_ns=outcome.span_ns,
+        nearest_ns=outcome.nearest_ns,
     )
 
 

@@ -11,7 +11,7 @@ from civil_rgbd.builder.chunks import BRIDGE, ChunkRecord, FrameRecord
 from civil_rgbd.builder.facts import Facts
 from civil_rgbd.builder.plan import in_words
 from civil_rgbd.constants import NS_PER_S
-from civil_rgbd.domain.bridge import Counts, Manifest
+from civil_rgbd.domain.bridge import OLD_POINTS_S, Counts, Manifest
 from civil_rgbd.errors import BridgeFailedError
 from civil_rgbd.format.writer import finish_bridge
 from civil_rgbd.pipeline.prepare import PointCounts, total_points
@@ -78,6 +78,7 @@ def with_counts(facts: Facts, records: Sequence[ChunkRecord]) -> Manifest:
         if frame.dropped:
             dropped[frame.dropped] = dropped.get(frame.dropped, 0) + 1
     kept = [frame for frame in frames if frame.row is not None]
+    ages_s = [frame.nearest_ns / NS_PER_S for frame in kept]
     points: dict[int, PointCounts] = {}  # neighbouring chunks read some scans twice
     for record in records:
         points |= record.point_counts
@@ -88,6 +89,7 @@ def with_counts(facts: Facts, records: Sequence[ChunkRecord]) -> Manifest:
         skipped["scan-undecodable"] = unreadable
     return replace(
         facts.manifest,
+        salvage=_salvaged(facts.manifest.salvage, unreadable, len(points)),
         counts=Counts(
             images_seen=facts.images_seen,
             frames_kept=len(kept),
@@ -99,10 +101,22 @@ def with_counts(facts: Facts, records: Sequence[ChunkRecord]) -> Manifest:
             skipped=skipped,
             mean_points_in_view=_mean([frame.points_in_view for frame in kept]),
             mean_age_span_s=_mean([frame.span_ns / NS_PER_S for frame in kept]),
+            mean_newest_age_s=_mean(ages_s),
+            max_newest_age_s=max(ages_s, default=None),
+            frames_with_old_points=sum(age_s > OLD_POINTS_S for age_s in ages_s),
             mean_valid_share=_mean([frame.row.valid_share for frame in kept if frame.row]),
             pixels_without_source=facts.pixels_without_source,
         ),
     )
+
+
+def _salvaged(said: str | None, unreadable: int, read: int) -> str | None:
+    """Add to what the recording lost as a whole the messages that turned out to be damaged."""
+    if not unreadable:
+        return said
+    scans = "1 scan" if unreadable == 1 else f"{unreadable} scans"
+    left_out = f"{scans} of the {read} that were read are damaged inside and left out"
+    return f"{said}; {left_out}" if said else left_out
 
 
 def _in_order(records: Iterable[ChunkRecord]) -> list[FrameRecord]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from civil_rgbd.domain.bridge import Counts
+from civil_rgbd.domain.bridge import OLD_POINTS_S, Counts
 from civil_rgbd.domain.recording import RecordingNotes
 from civil_rgbd.errors import CivilRgbdError
 from civil_rgbd.storage.places import Place
@@ -60,6 +60,7 @@ class BuildReport:
                 f"  points        {counts.mean_points_in_view or 0:,.0f} of a frame's in view, "
                 f"{counts.mean_age_span_s or 0:.2f} s from oldest to newest"
             ),
+            *_ages(counts),
         ]
         if counts.pixels_without_source:
             lines.append(f"  no source for {counts.pixels_without_source} pixels of every image")
@@ -191,6 +192,22 @@ def _listed(title: str, counts: Mapping[str, int], *, total: int | None = None) 
         return []
     of_all = f" of {total:,}" if total is not None else ""
     return [f"  {title}{of_all}: {', '.join(entries)}"]
+
+
+def _ages(counts: Counts) -> Iterator[str]:
+    """Say how old the points of a frame are when its image is taken, and when that is too much."""
+    if counts.mean_newest_age_s is None:
+        return
+    yield (
+        f"  newest point  {counts.mean_newest_age_s:.3f} s from its frame's image on average, "
+        f"{counts.max_newest_age_s or 0:.3f} s at most"
+    )
+    if counts.frames_with_old_points:
+        yield (
+            f"  warning       {counts.frames_with_old_points} of {counts.frames_kept} frames have "
+            f"no point within {OLD_POINTS_S} s of their image: the LiDAR was silent or had ended, "
+            "and sees what it saw before; accumulate.max_age_s leaves such points out"
+        )
 
 
 def _percent(share: float | None) -> str:

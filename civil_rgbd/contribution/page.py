@@ -28,6 +28,7 @@ from civil_rgbd.contribution.pictures import (
     share_map_uri,
 )
 from civil_rgbd.contribution.statements import making_rows, statement_rows
+from civil_rgbd.domain.bridge import OLD_POINTS_S
 from civil_rgbd.format.reader import Bridge
 from civil_rgbd.validation.report import Report
 
@@ -260,6 +261,11 @@ def _counts(bridge: Bridge) -> Iterator[tuple[str, str]]:
         yield "points in view, mean", f"{counts.mean_points_in_view:,.0f}"
     if counts.mean_age_span_s is not None:
         yield "oldest to newest point, mean", f"{counts.mean_age_span_s:.2f} s"
+    if counts.mean_newest_age_s is not None and counts.max_newest_age_s is not None:
+        mean, most = counts.mean_newest_age_s, counts.max_newest_age_s
+        yield "image to newest point", f"{mean:.3f} s on average, {most:.3f} s at most"
+    if counts.frames_with_old_points:
+        yield f"frames without a point within {OLD_POINTS_S} s", f"{counts.frames_with_old_points}"
     first, last = bridge.rows[0].stamp_ns, bridge.rows[-1].stamp_ns
     yield "stamps", f"{_time_words(first)} to {_time_words(last)}"
 

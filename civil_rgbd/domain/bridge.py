@@ -28,6 +28,10 @@ DESKEWS: Final = ("per_point", "unavailable", "registered", "off")
 """Points moved by their own times; they had none; they were in the map already; not asked for."""
 
 
+OLD_POINTS_S: Final = 0.25
+"""A frame whose nearest point is further away in time was made while no LiDAR measured."""
+
+
 @dataclass(frozen=True, slots=True)
 class Structure:
     """What stands there.
@@ -230,6 +234,10 @@ class Counts:
         skipped: other things that reading left out, by name.
         mean_points_in_view: mean number of a frame's points that fell into its image.
         mean_age_span_s: mean time between a frame's oldest and newest point.
+        mean_newest_age_s: mean time between a frame's image and its nearest point in time: of past
+            points the age of the newest.
+        max_newest_age_s: the largest of these times.
+        frames_with_old_points: frames for which it is above :data:`OLD_POINTS_S`.
         mean_valid_share: mean share of pixels with depth.
         pixels_without_source: pixels of every image that the raw one does not have.
     """
@@ -244,6 +252,9 @@ class Counts:
     skipped: Mapping[str, int] = field(default_factory=dict)
     mean_points_in_view: float | None = None
     mean_age_span_s: float | None = None
+    mean_newest_age_s: float | None = None
+    max_newest_age_s: float | None = None
+    frames_with_old_points: int | None = None
     mean_valid_share: float | None = None
     pixels_without_source: int | None = None
 

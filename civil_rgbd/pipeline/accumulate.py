@@ -39,6 +39,22 @@ class PointWindow:
             return 0
         return int(max(s[-1] for s in self.stamps_ns) - min(s[0] for s in self.stamps_ns))
 
+    def nearest_ns(self, stamp_ns: int) -> int:
+        """Return how far in time the nearest point lies from an instant; 0 without points.
+
+        Of past points this is the age of the newest one.
+
+        Args:
+            stamp_ns: the instant that the window is around: no segment has points on both sides.
+        """
+        return min(
+            (
+                int(stamp_ns - s[-1] if s[-1] < stamp_ns else s[0] - stamp_ns)
+                for s in self.stamps_ns
+            ),
+            default=0,
+        )
+
 
 class SlidingWindow:
     """The points around ever later instants.

@@ -51,6 +51,7 @@ class FrameOutcome:
         points: in its window.
         points_in_view: of those, in the image and the depth range.
         span_ns: from the window's earliest point to its latest.
+        nearest_ns: from the image to the window's nearest point in time.
     """
 
     source_index: int
@@ -59,6 +60,7 @@ class FrameOutcome:
     points: int
     points_in_view: int
     span_ns: int
+    nearest_ns: int
 
 
 @dataclass(slots=True)
@@ -125,11 +127,11 @@ class FrameMaker:
     def _make_one(self, plan: PlannedFrame, window: PointWindow) -> FrameOutcome:
         # The points decide first: an image whose frame is dropped is never decoded.
         if window.count < self.recipe.accumulate.min_fill * self.recipe.accumulate.points:
-            return self._dropped(plan, window, "too-few-points")
+            return _outcome(plan, window, dropped="too-few-points")
         try:
             raw_rgb = self.recording.read_image(plan.source_index).rgb
         except ImageDecodeError:
-            return self._dropped(plan, window, "image-undecodable")
+            return _outcome(plan, window, dropped="image-undecodable")
         depth_m, in_view = self.render(plan.T_map_camera, window)
         frame = RgbdFrame(
             source_index=plan.source_index,
@@ -140,10 +142,7 @@ class FrameMaker:
             camera=self.images.camera,
             T_map_camera=plan.T_map_camera,
         )
-        return FrameOutcome(plan.source_index, frame, None, window.count, in_view, window.span_ns)
-
-    def _dropped(self, plan: PlannedFrame, window: PointWindow, reason: str) -> FrameOutcome:
-        return FrameOutcome(plan.source_index, None, reason, window.count, 0, window.span_ns)
+        return _outcome(plan, window, frame=frame, points_in_view=in_view)
 
     def _read_mapped(self, scan: int) -> MappedScan:
         # The next chunk's window begins among the scans that the last one's ended with.
@@ -160,3 +159,22 @@ class FrameMaker:
             kept_points -= len(self._recent.popitem(last=False)[1].stamps_ns)
         self.point_counts[scan] = mapped.counts
         return mapped
+
+
+def _outcome(
+    plan: PlannedFrame,
+    window: PointWindow,
+    *,
+    frame: RgbdFrame | None = None,
+    dropped: str | None = None,
+    points_in_view: int = 0,
+) -> FrameOutcome:
+    return FrameOutcome(
+        source_index=plan.source_index,
+        frame=frame,
+        dropped=dropped,
+        points=window.count,
+        points_in_view=points_in_view,
+        span_ns=window.span_ns,
+        nearest_ns=window.nearest_ns(plan.stamp_ns),
+    )

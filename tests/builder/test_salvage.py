@@ -50,13 +50,28 @@ def test_under_salvage_they_are_counted_the_same_by_all_workers(
     damaged: Path, recipe: Recipe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recording = open_recording(damaged, RecordingOptions(salvage=True))
-    build_bridge(recording, recipe, tmp_path / "one", INFO, BuildOptions())
+    report = build_bridge(recording, recipe, tmp_path / "one", INFO, BuildOptions())
     monkeypatch.setattr("civil_rgbd.builder.plan.CHUNK_FRAMES", 3)
     build_bridge(recording, recipe, tmp_path / "two", INFO, BuildOptions(workers=2))
 
-    counts = read_bridge(tmp_path / "one" / BRIDGES / INFO.bridge_id).manifest.counts
+    manifest = read_bridge(tmp_path / "one" / BRIDGES / INFO.bridge_id).manifest
+    counts = manifest.counts
     assert counts.skipped == {"scan-undecodable": 1}
+    assert report.notes.salvage == manifest.salvage
+    assert "  salvaged      1 scan of the " in report.to_text()
+    assert manifest.salvage is not None
+    assert manifest.salvage.endswith("that were read are damaged inside and left out")
     assert 1 <= counts.dropped["image-undecodable"] <= 3  # some are too near the previous one
     assert "messages_unreadable" not in counts.points_dropped
     assert validate(tmp_path / "one").findings == ()
     assert contents(tmp_path / "one") == contents(tmp_path / "two")
+
+
+def test_what_a_build_found_damaged_does_not_make_it_another_build(
+    damaged: Path, recipe: Recipe, tmp_path: Path
+) -> None:
+    recording = open_recording(damaged, RecordingOptions(salvage=True))
+    first = build_bridge(recording, recipe, tmp_path, INFO, BuildOptions())
+    again = build_bridge(recording, recipe, tmp_path, INFO, BuildOptions())
+    assert again.already_whole
+    assert again.notes.salvage == first.notes.salvage is not None

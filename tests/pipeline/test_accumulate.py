@@ -93,6 +93,8 @@ def test_it_sees_what_its_slow_twin_counts_one_by_one(
         assert found.count == len(expected)
         stamps = [reader.scans[message][place] for message, place in expected]
         assert found.span_ns == (max(stamps) - min(stamps) if stamps else 0)
+        away = [abs(int(stamp) - stamp_ns) for stamp in stamps]
+        assert found.nearest_ns(stamp_ns) == min(away, default=0)
 
 
 @given(
