@@ -46,6 +46,12 @@ if TYPE_CHECKING:
 @options_of_execution
 @click.option("--overwrite", is_flag=True, help="Replace a bridge that was made otherwise.")
 @options_of_recording
+@click.option(
+    "--no-source-hash",
+    is_flag=True,
+    help="Take no SHA-256 of the sources, which means reading all of them: nothing will prove "
+    "what the bridge was built from.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.pass_context
 def command(  # the options of a build are many: most are handed on as they are
@@ -65,6 +71,7 @@ def command(  # the options of a build are many: most are handed on as they are
     overwrite: bool,
     as_json: bool,
     rig_path: Path | None,
+    no_source_hash: bool,
     **recording_options: object,
 ) -> None:
     """Build a bridge folder from SOURCE, a raw recording; or from its files, in order.
@@ -87,11 +94,12 @@ def command(  # the options of a build are many: most are handed on as they are
     is_survey = len(sources) == 1 and sources[0].lower().endswith(".toml")
     if is_survey:
         refuse_beside_survey(context, ["bridge_info", "licence", "rig_path", *recording_options])
-        orders = orders_of_survey(Path(sources[0]), only=bridge_id)
+        orders = orders_of_survey(Path(sources[0]), only=bridge_id, hashed=not no_source_hash)
     else:
         info = _info(sources, bridge_id, folder, bridge_info=bridge_info, licence=licence)
         files = sources or (_demo_recording(),)
-        orders = [order_of(files, info, rig_path=rig_path, reading=recording_options)]
+        reading = {**recording_options, "source_hash": not no_source_hash}
+        orders = [order_of(files, info, rig_path=rig_path, reading=reading)]
     title = Path(sources[0]).stem if is_survey else orders[0].info.bridge_id
     with frame_bar(title) as on_progress, _saying_what_is_kept():
         report = build_bridges(orders, recipe, folder, replace(options, on_progress=on_progress))

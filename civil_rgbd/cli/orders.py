@@ -64,12 +64,13 @@ def order_of(
     return Order(info, open_now, files=(*files, *beside), sha256=tuple(sha256))
 
 
-def orders_of_survey(path: Path, *, only: str | None) -> list[Order]:
+def orders_of_survey(path: Path, *, only: str | None, hashed: bool = True) -> list[Order]:
     """Order the bridges of a survey file.
 
     Args:
         path: the survey.
         only: the id of the one bridge that is wanted; None for all.
+        hashed: take the hashes of sources that have none in the survey.
 
     Raises:
         UsageError: the file or something that it names does not fit.
@@ -89,7 +90,7 @@ def orders_of_survey(path: Path, *, only: str | None) -> list[Order]:
                 entry.bridge_info, licence=entry.licence, otherwise=BridgeInfo(entry.bridge_id)
             ),
             rig_path=entry.rig,
-            reading=entry.reading,
+            reading={**entry.reading, "source_hash": hashed},
             sha256=entry.sha256,
         )
         for entry in entries

@@ -78,7 +78,7 @@ def making_rows(manifest: Manifest) -> Iterator[tuple[str, str]]:
         yield "salvaged", manifest.salvage
     for source in manifest.sources:
         words = f"{source.name}, {source.size_bytes:,} bytes, by {source.converter}"
-        yield "source", f"{words}\n{source.sha256}"
+        yield "source", f"{words}\n{source.sha256 or 'its sha256 was not taken'}"
     for how, words in sorted(manifest.reading.items()):
         yield f"read: {how}", words
     yield "made by", f"civil_rgbd {manifest.software.civil_rgbd}"
