@@ -23,6 +23,7 @@ from civil_rgbd.builder.executors import (
     LastMaker,
     Lost,
     OnFrames,
+    PackedJobs,
     Placement,
     Task,
     processors,
@@ -40,7 +41,7 @@ _LOOK_EVERY_S: Final = 5.0  # a cluster grows and shrinks, and may lose a chunk 
 class JobsPlugin(WorkerPlugin):
     """Brings the jobs to every worker once; also to those that join later."""
 
-    def __init__(self, name: str, jobs: bytes, software: Software) -> None:
+    def __init__(self, name: str, jobs: PackedJobs, software: Software) -> None:
         self.name = name
         self.jobs = jobs
         self.software = software
@@ -63,7 +64,7 @@ class JobsPlugin(WorkerPlugin):
             raise RuntimeError("the worker was not set up")
         if not hasattr(self._local, "place"):
             self._refuse_other_worker()
-            self._local.place = _Place(pickle.loads(self.jobs), LastMaker())  # noqa: S301  # ours
+            self._local.place = _Place(pickle.loads(pickle.dumps(self.jobs)), LastMaker())  # noqa: S301  # a copy
         place: _Place = self._local.place
         return place
 
@@ -76,7 +77,7 @@ class JobsPlugin(WorkerPlugin):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Place:
-    jobs: tuple[Job, ...]
+    jobs: PackedJobs
     makers: LastMaker
 
 
@@ -128,7 +129,7 @@ class DaskExecutor:
             refuse_unfit(self._client, jobs[0].partial.parent.parent, files)
             self._plugin = f"civil-rgbd-{secrets.token_hex(8)}"
             self._client.register_plugin(
-                JobsPlugin(self._plugin, pickle.dumps(tuple(jobs)), software()), name=self._plugin
+                JobsPlugin(self._plugin, PackedJobs(jobs), software()), name=self._plugin
             )
             self._most = placement.workers if placement.scheduler else None
             self._stack = until_it_works.pop_all()

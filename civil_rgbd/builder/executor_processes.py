@@ -22,6 +22,7 @@ from civil_rgbd.builder.executors import (
     LastMaker,
     Lost,
     OnFrames,
+    PackedJobs,
     Raised,
     Task,
     raised,
@@ -43,7 +44,7 @@ class ProcessExecutor:
 
     def __init__(self, jobs: Sequence[Job], on_frames: OnFrames, *, workers: int) -> None:
         self.slots = workers
-        self._jobs = tuple(jobs)
+        self._jobs = PackedJobs(jobs)
         self._on_frames = on_frames
         self._workers: list[_Worker] = []
 
@@ -110,7 +111,7 @@ class ProcessExecutor:
         return f"its worker was killed by {name}"
 
 
-def _start_worker(jobs: tuple[Job, ...]) -> _Worker:
+def _start_worker(jobs: PackedJobs) -> _Worker:
     # Spawn: a fork copies locks that other threads of the parent may hold.
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
@@ -136,7 +137,7 @@ def without_interrupts() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _work(pipe: Connection, jobs: tuple[Job, ...]) -> None:
+def _work(pipe: Connection, jobs: PackedJobs) -> None:
     """Make chunks until the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_die_with_parent, daemon=True).start()
@@ -147,11 +148,10 @@ def _work(pipe: Connection, jobs: tuple[Job, ...]) -> None:
             pipe.send(_make(pipe, jobs, makers, pipe.recv()))
 
 
-def _make(pipe: Connection, jobs: tuple[Job, ...], makers: LastMaker, task: Task) -> Event:
-    job = jobs[task.job]
+def _make(pipe: Connection, jobs: PackedJobs, makers: LastMaker, task: Task) -> Event:
     try:
-        maker = makers.of(job)
-        record = run_chunk(job, task.chunk, maker, on_frame=lambda: pipe.send(1))
+        job = jobs[task.job]
+        record = run_chunk(job, task.chunk, makers.of(job), on_frame=lambda: pipe.send(1))
     except Exception as error:  # noqa: BLE001  # whatever it is, other chunks go on
         return raised(task, error)
     return Finished(task, record)

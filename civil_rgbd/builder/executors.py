@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -143,6 +144,32 @@ class LastMaker:
         if self._maker is None or self._job is not job:
             self._job, self._maker = job, FrameMaker(job.recording, job.recipe)
         return self._maker
+
+
+class PackedJobs:
+    """Jobs on their way to other processes; each is unpacked when its first chunk is made.
+
+    One that cannot be unpacked there, for its converter is not installed, fails alone.
+    """
+
+    def __init__(self, jobs: Sequence[Job]) -> None:
+        self._packed = tuple(pickle.dumps(job) for job in jobs)
+        self._number: int | None = None
+        self._job: Job | None = None
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _as_packed, (self._packed,)
+
+    def __getitem__(self, number: int) -> Job:
+        if self._job is None or self._number != number:
+            self._number, self._job = number, pickle.loads(self._packed[number])  # noqa: S301  # ours
+        return self._job
+
+
+def _as_packed(packed: tuple[bytes, ...]) -> PackedJobs:
+    jobs = PackedJobs(())
+    jobs._packed = packed  # noqa: SLF001  # its own way through pickle
+    return jobs
 
 
 def raised(task: Task, error: Exception) -> Raised:

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from civil_rgbd.builder import attempts
 from civil_rgbd.builder.chunks import BRIDGE, DONE
 from civil_rgbd.builder.recipes import load_recipe
 from civil_rgbd.builder.run import BuildOptions, build_bridge
@@ -425,32 +424,3 @@ def test_a_worker_that_dies_costs_its_chunk_only(
 
     assert killed
     assert contents(tmp_path) == contents(built)
-
-
-class _Poisoned(SimulatedRecording):
-    """Reading its image 20 kills the process, as the kernel does when memory runs out."""
-
-    def read_image(self, index: int):  # type: ignore[no-untyped-def,override]  # noqa: ANN202  # a fixture
-        if index == 20:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return super().read_image(index)
-
-    def __reduce__(self):  # type: ignore[no-untyped-def]  # noqa: ANN204  # a fixture
-        return _Poisoned, (self.spec,)
-
-
-@pytest.mark.slow
-def test_a_chunk_that_kills_its_worker_again_and_again_is_named(
-    recipe: Recipe, tmp_path: Path
-) -> None:
-    spec = ScanSpec(seconds=3.0, image_scale=0.1, point_rate_hz=12_000)
-    every = dataclasses.replace(
-        recipe, select=dataclasses.replace(recipe.select, min_displacement_m=0.0)
-    )
-
-    with pytest.raises(BuildError, match="died 3 times") as caught:
-        build_bridge(_Poisoned(spec), every, tmp_path, INFO, BuildOptions(workers=2))
-
-    assert "finished chunks are kept" in caught.value.fix
-    assert attempts.MAX_ATTEMPTS == 3
-    assert not (tmp_path / BRIDGES / "B9").exists()
