@@ -1,0 +1,169 @@
+"""A whole benchmark, tiny: cells are kept, models of others stand beside, the page shows all."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from civil_rgbd.benchmark.cells import CellResult
+from civil_rgbd.benchmark.run import BenchmarkJob, BenchmarkOptions, cells_of, run_benchmark
+from civil_rgbd.errors import RecipeError, TrainingError, UsageError
+from civil_rgbd.evaluation.metrics import MetricRules
+from civil_rgbd.format.split_files import read_split
+
+from ..training.conftest import TINY, write_learnable
+
+MODEL_OF_ONES_OWN = """
+import numpy as np
+
+class TenMetres:
+    def predict(self, rgb, camera):
+        return np.full(rgb.shape[:2], 10.0, dtype=np.float32)
+"""
+
+QUIET = BenchmarkOptions(tensorboard=False, device="cpu")
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory: pytest.TempPathFactory) -> BenchmarkJob:
+    """Two seeds of 0 and 2 shots of BTS, and a model of one's own; it has run once."""
+    folder = tmp_path_factory.mktemp("benchmark")
+    own = folder / "own.py"
+    own.write_text(MODEL_OF_ONES_OWN, "utf-8")
+    job = BenchmarkJob(
+        data=write_learnable(folder / "data", frames=5),
+        test_bridge="B3",
+        models=("bts-small", f"{own}:TenMetres"),
+        out=folder / "table",
+        shots=(2, 0),
+        seeds=2,
+        draw=2,
+        settings=(*TINY, "run.steps=2", "run.norm_batches=1"),
+    )
+    run_benchmark(job, QUIET)
+    return job
+
+
+def test_every_file_of_the_table_is_there(job: BenchmarkJob) -> None:
+    names = {path.name for path in job.out.iterdir()}
+
+    assert names == {
+        "benchmark.json",
+        "cells",
+        "index.html",
+        "table2.csv",
+        "table2.md",
+        "table2.tex",
+    }
+
+
+def test_a_model_that_is_not_trained_has_one_cell_a_seed(job: BenchmarkJob) -> None:
+    cells = [(cell.name.rpartition(":")[2], *_numbers(cell)) for cell in cells_of(job, QUIET)]
+
+    assert cells == [
+        ("bts-small", 0, 0),
+        ("bts-small", 0, 2),
+        ("TenMetres", 0, 0),
+        ("bts-small", 1, 0),
+        ("bts-small", 1, 2),
+        ("TenMetres", 1, 0),
+    ]
+    rows = json.loads((job.out / "benchmark.json").read_text("utf-8"))["rows"]
+    assert [(row["model"].rpartition(":")[2], row["shots"]) for row in rows] == [
+        ("bts-small", 0),
+        ("bts-small", 2),
+        ("TenMetres", 0),
+    ]
+
+
+def _numbers(cell: object) -> tuple[int, int]:
+    request = cell.request  # type: ignore[attr-defined]  # a Cell
+    return request.seed, request.shots
+
+
+def test_cells_of_a_seed_are_scored_on_the_same_frames(job: BenchmarkJob) -> None:
+    folder = job.out / "cells" / "bts-small" / "seed-0"
+    none, two = (read_split(folder / f"shots-{shots}" / "split.json") for shots in (0, 2))
+
+    assert none.tests["same"] == two.tests["same"]
+    assert "B3" not in none.train
+    assert len(two.train["B3"]) == 2
+    document = json.loads((folder / "shots-2" / "results.json").read_text("utf-8"))
+    assert document["split"]["sha256"] == two.sha256()
+
+
+def test_finished_cells_are_kept_and_missing_ones_made(job: BenchmarkJob) -> None:
+    cells = job.out / "cells" / "bts-small" / "seed-0"
+    before = {path: path.stat().st_mtime_ns for path in job.out.rglob("model.pt")}
+    table = (job.out / "table2.md").read_bytes()
+    (cells / "shots-2" / "results.json").unlink()
+    seen: list[CellResult] = []
+    run_benchmark(job, replace(QUIET, on_cell=lambda cell, _total: seen.append(cell)))
+
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+    assert (job.out / "table2.md").read_bytes() == table
+    assert len(seen) == 6
+    assert (cells / "shots-2" / "results.json").is_file()
+
+
+def test_other_rules_score_anew_and_train_nothing(job: BenchmarkJob, tmp_path: Path) -> None:
+    del tmp_path
+    before = {path: path.stat().st_mtime_ns for path in job.out.rglob("model.pt")}
+    rows = run_benchmark(replace(job, rules=MetricRules(max_depth_m=9.0)), QUIET)
+
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+    near = rows[-1].scores["same"]["per_image"]["abs_rel"].mean
+    rows = run_benchmark(job, QUIET)
+    assert rows[-1].scores["same"]["per_image"]["abs_rel"].mean != near
+
+
+def test_the_page_shows_table_curves_and_predictions_and_asks_nobody(job: BenchmarkJob) -> None:
+    page = (job.out / "index.html").read_text("utf-8")
+
+    assert page.count("<svg") == 2
+    assert page.count('class="row"') == 2 + 2 * 3  # image, truth; depth and error of three cells
+    assert page.count("data:image/png;base64,") == 1 + 3 * (2 + 2 * 3)
+    assert "TenMetres, 0 shots: AbsRel" in page
+    assert not re.search(r'(src|href)="(?!data:|#)', page)
+
+
+def test_two_at_a_time_give_the_same_table(job: BenchmarkJob, tmp_path: Path) -> None:
+    # One cell is left to do: that a worker process finds its way is what is asked.
+    import shutil
+
+    shutil.copytree(job.out, tmp_path / "table")
+    shutil.rmtree(tmp_path / "table" / "cells" / "bts-small" / "seed-1" / "shots-2")
+    run_benchmark(replace(job, out=tmp_path / "table"), replace(QUIET, jobs=2))
+
+    assert (tmp_path / "table" / "table2.md").read_bytes() == (job.out / "table2.md").read_bytes()
+
+
+def test_other_numbers_in_the_same_folder_are_refused(job: BenchmarkJob) -> None:
+    other = replace(job, settings=(*job.settings, "run.batch=2"))
+    with pytest.raises(TrainingError, match="another run lies here: recipe"):
+        run_benchmark(other, QUIET)
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "words"),
+    [
+        ({"test_bridge": "B4"}, UsageError, "there is no bridge 'B4'"),
+        ({"shots": (0, 5), "draw": None}, UsageError, "has 5 frames; drawing 30 of them"),
+        ({"models": ("bst-small",)}, UsageError, "there is no such model: 'bst-small'"),
+        ({"models": ("bst.toml",)}, RecipeError, "the recipe file cannot be read"),
+        ({"seeds": 0}, UsageError, "0 seeds and 1 jobs make no table"),
+        ({"models": ()}, UsageError, "0 models"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_is_trained(
+    job: BenchmarkJob, tmp_path: Path, changes: dict[str, object], kind: type[Exception], words: str
+) -> None:
+    wanted = replace(job, out=tmp_path / "table", **changes)  # type: ignore[arg-type]  # by name
+    with pytest.raises(kind, match=words):
+        run_benchmark(wanted, QUIET)
+
+    assert not (tmp_path / "table").exists()
