@@ -65,7 +65,8 @@ def prepare_partial(partial: Place, identity: Mapping[str, object], *, overwrite
         different = ", ".join(key for key in identity if found.get(key) != identity[key])
         if not overwrite:
             raise BuildError(
-                f"an unfinished build lies here that was begun otherwise (different: {different})",
+                f"an unfinished build lies here that was begun otherwise (different: {different})"
+                + _other_sources(found.get("sources"), identity.get("sources")),
                 where=partial,
                 fix="give --overwrite to throw it away, or run its own command to finish it",
             )
@@ -161,6 +162,7 @@ def find_whole(folder: Place, wanted: Manifest, *, overwrite: bool) -> Manifest 
         if not different:
             return there
         what = f"a bridge lies here that was built otherwise (different: {_in_order(different)})"
+        what += _other_sources(a.get("sources"), b.get("sources"))
     else:
         what = "a folder lies here that is no whole bridge"
     if overwrite:
@@ -177,6 +179,19 @@ def _before(there: Manifest, wanted: Manifest) -> Manifest:
     """Return a manifest as it was before its build, which adds counts and what else was damaged."""
     begun = (there.salvage or "").startswith(wanted.salvage or "")
     return replace(there, counts=wanted.counts, salvage=wanted.salvage if begun else there.salvage)
+
+
+def _other_sources(then: object, now: object) -> str:
+    """Say which source is another file than it was; nothing where none is."""
+    if not isinstance(then, list) or not isinstance(now, list) or then == now:
+        return ""
+    before = {source["name"]: source["sha256"] for source in then}
+    changed = [
+        f"; {source['name']} had sha256 {before[source['name']]}, it has {source['sha256']}"
+        for source in now
+        if before.get(source["name"], source["sha256"]) != source["sha256"]
+    ]
+    return "".join(changed)
 
 
 def _refuse_to_lose_defects(folder: Place) -> None:

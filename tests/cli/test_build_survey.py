@@ -1,0 +1,227 @@
+"""Surveys, parts and proofs on the command line: exit codes, and what is said."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+from civil_rgbd.cli import main
+from civil_rgbd.simulator.recorder import write_recording
+from civil_rgbd.simulator.spec import ScanSpec
+
+SPEC = ScanSpec(seconds=2.0, image_scale=0.1, point_rate_hz=12_000)
+RECIPE = ("--recipe", "250k", "--set", "accumulate.points=4000")
+SURVEY = """
+[defaults]
+licence = "CC0-1.0"
+
+[[bridge]]
+id = "north"
+source = "raw/north.mcap"
+
+[[bridge]]
+id = "south"
+source = "raw/south.mcap"
+"""
+
+
+@pytest.fixture(scope="module")
+def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("survey")
+    (folder / "raw").mkdir()
+    for seed, name in enumerate(("north", "south")):
+        write_recording(folder / f"raw/{name}.mcap", dataclasses.replace(SPEC, seed=seed))
+    (folder / "survey.toml").write_text(SURVEY)
+    return folder / "survey.toml"
+
+
+@pytest.fixture(scope="module")
+def built(survey: Path) -> Path:
+    out = survey.parent / "built"
+    assert main(["build", *RECIPE, "--workers", "1", "--out", str(out), str(survey)]) == 0
+    return out
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def test_a_survey_gives_a_table_and_the_folders_that_single_builds_give(
+    built: Path, survey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("north", "south"):
+        source = survey.parent / f"raw/{name}.mcap"
+        more = ["--workers", "1", "--licence", "CC0-1.0", "--out", str(tmp_path), str(source)]
+        assert main(["build", *RECIPE, *more]) == 0
+    capsys.readouterr()
+
+    assert main(["build", *RECIPE, "--workers", "1", "--out", str(built), str(survey)]) == 0
+
+    assert files(tmp_path) == files(built)
+    header, north, south, _, total = capsys.readouterr().out.splitlines()
+    assert header.split()[0] == "bridge"
+    assert north.split()[0] == "north"
+    assert south.split()[-1] == "found"
+    assert total.startswith("2 of 2 bridges")
+
+
+def test_one_bridge_of_a_survey_can_be_built_alone(
+    survey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    more = ["--workers", "1", "--bridge", "south", "--json", "--out", str(tmp_path), str(survey)]
+
+    assert main(["build", *RECIPE, *more]) == 0
+
+    (only,) = json.loads(capsys.readouterr().out)["bridges"]
+    assert only["bridge_id"] == "south"
+    assert main(["build", *RECIPE, "--bridge", "suoth", str(survey)]) == 2
+    assert "did you mean 'south'?" in capsys.readouterr().err
+
+
+def test_a_failed_bridge_gives_exit_code_1_and_the_others(
+    survey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "torn.mcap").write_bytes((survey.parent / "raw/north.mcap").read_bytes()[:9000])
+    text = SURVEY.replace("raw/north.mcap", str(tmp_path / "torn.mcap"))
+    (tmp_path / "raw").symlink_to(survey.parent / "raw")
+    (tmp_path / "survey.toml").write_text(text)
+
+    out = str(tmp_path / "out")
+    status = main(["build", *RECIPE, "--workers", "1", "--out", out, str(tmp_path / "survey.toml")])
+
+    said = capsys.readouterr().out
+    assert status == 1
+    assert "north failed: the recording is damaged" in said
+    assert "1 of 2 bridges" in said
+    assert [path.name for path in (tmp_path / "out/bridges").iterdir()] == ["south"]
+
+
+def test_another_hash_than_the_survey_says_fails_the_bridge(
+    survey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = survey.parent / "raw/north.mcap"
+    text = f'[[bridge]]\nid = "north"\nsource = "{source}"\nsha256 = "{"0" * 64}"\n'
+    (tmp_path / "survey.toml").write_text(text)
+
+    status = main(["build", "--out", str(tmp_path / "out"), str(tmp_path / "survey.toml")])
+
+    assert status == 1
+    assert f"should have sha256 {'0' * 64}; north.mcap has" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--rig", "rig.toml"], "--rig speaks of one recording, a survey of many"),
+        (["--licence", "MIT"], "--licence speaks of one recording"),
+        (["--chunk", "1/2", "--executor", "dask"], "--chunk makes one part of a build here"),
+        (["--scheduler", "tcp://a:1", "--executor", "serial"], "--scheduler is the address of"),
+        (["--executor", "serial", "--workers", "2"], "--executor serial makes one chunk at a time"),
+        (["--chunk", "3/2"], "parts count from 1"),
+    ],
+)
+def test_options_that_do_not_go_together_are_said(
+    options: list[str], words: str, survey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["build", *options, "--out", str(tmp_path / "out"), str(survey)]) == 2
+
+    said = capsys.readouterr().err
+    assert words in said
+    assert "fix:" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_parts_of_a_survey_are_joined(
+    built: Path, survey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    part = ["build", *RECIPE, "--workers", "1", "--out", str(tmp_path), str(survey), "--chunk"]
+    assert [main([*part, f"{number}/3"]) for number in (1, 3)] == [0, 0]
+    assert "part 3/3: " in capsys.readouterr().out
+    assert main(["finish", str(tmp_path)]) == 1
+    assert "parts 2/3 are missing" in capsys.readouterr().out
+
+    assert main([*part, "2/3"]) == 0
+    assert main(["finish", str(tmp_path), "--bridge", "north"]) == 0
+    assert main(["finish", str(tmp_path)]) == 0
+
+    assert files(tmp_path) == files(built)
+    assert main(["finish", str(tmp_path)]) == 2
+    assert "no unfinished bridge" in capsys.readouterr().err
+
+
+def test_a_source_that_changed_between_two_runs_is_refused(
+    survey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "scan.mcap"
+    source.write_bytes((survey.parent / "raw/north.mcap").read_bytes())
+    part = ["build", *RECIPE, "--out", str(tmp_path / "out"), str(source)]
+    assert main([*part, "--chunk", "1/2"]) == 0
+    source.write_bytes((survey.parent / "raw/south.mcap").read_bytes())
+
+    assert main([*part, "--chunk", "2/2"]) == 2
+
+    said = capsys.readouterr().err
+    assert "begun otherwise (different: sources" in said
+    assert "scan.mcap had sha256" in said
+
+
+def test_verify_proves_a_dataset_from_its_survey_or_its_sources(
+    built: Path, survey: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sources = [survey.parent / "raw/south.mcap", survey.parent / "raw/north.mcap"]
+
+    assert main(["verify", str(built)]) == 0
+    assert main(["verify", str(built), "--rebuild", "4", "--survey", str(survey)]) == 0
+    given = [word for source in sources for word in ("--source", str(source))]
+    capsys.readouterr()
+    assert main(["verify", str(built), "--rebuild", "4", "--json", *given]) == 0
+
+    rebuilt = json.loads(capsys.readouterr().out)["rebuilt"]
+    assert sum(one["frames"] for one in rebuilt) == 4
+    assert all(one["differences"] == [] and one["proved"] for one in rebuilt)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--rebuild", "2"], "the raw recording of bridge 'north' is not given: north.mcap"),
+        (["--source", "x.mcap"], "no frame is to be rendered again"),
+        (["--rebuild", "2", "--source", "SURVEY"], "no bridge was built from this source"),
+    ],
+)
+def test_verify_says_what_it_needs(
+    options: list[str], words: str, built: Path, survey: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = [str(survey) if word == "SURVEY" else word for word in options]
+
+    assert main(["verify", str(built), *options]) == 2
+
+    said = capsys.readouterr().err
+    assert words in said
+    assert "fix:" in said
+
+
+def test_verify_finds_a_changed_picture(
+    built: Path, survey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import shutil
+
+    shutil.copytree(built, tmp_path / "copy")
+    picture = min((tmp_path / "copy").rglob("*.jpg"))
+    data = bytearray(picture.read_bytes())
+    data[-40] ^= 1
+    picture.write_bytes(bytes(data))
+
+    status = main(["verify", str(tmp_path / "copy"), "--rebuild", "2", "--survey", str(survey)])
+
+    said = capsys.readouterr().out
+    assert status == 1
+    assert "file-hash" in said
+    assert "nothing was rendered again" in said
