@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from civil_rgbd.conversion.ros_images import rgb_from_encoded
-from civil_rgbd.domain.folders import IMAGE_SUFFIXES, files_in_order
+from civil_rgbd.domain.folders import IMAGE_SUFFIXES, TIME_LISTS, files_in_order
 from civil_rgbd.domain.recording import CameraImage
 from civil_rgbd.domain.stamps import StampList, read_stamp_list
 from civil_rgbd.errors import ImageDecodeError, RecordingError
 from civil_rgbd.geometry.camera import LensCamera
-
-TIME_LISTS: Final = ("timestamps.txt", "times.txt", "timestamps.csv", "times.csv")
-"""Names of a time list that lies in the folder it belongs to, the first one found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +39,7 @@ def open_images(folder: Path, times: Path | None) -> ImageFolder:
     Args:
         folder: JPEG and PNG files in it are images.
         times: one stamp an image in numeric order of their names, or name and stamp; None takes
-            :data:`TIME_LISTS` inside the folder.
+            one of :data:`TIME_LISTS` inside the folder.
 
     Raises:
         RecordingError: there are no images or stamps, or they do not belong to each other.

@@ -14,6 +14,9 @@ from civil_rgbd.errors import RecordingError
 IMAGE_SUFFIXES: Final = (".jpg", ".jpeg", ".png")
 """Images that are read."""
 
+TIME_LISTS: Final = ("timestamps.txt", "times.txt", "timestamps.csv", "times.csv")
+"""Names of a time list that lies in the folder it belongs to, the first one found."""
+
 _DIGITS: Final = re.compile(r"(\d+)", re.ASCII)
 
 

@@ -12,6 +12,7 @@ from civil_rgbd.domain.recording import RecordingOptions
 from civil_rgbd.health.beside import beside_findings
 from civil_rgbd.health.clocks import clock_findings
 from civil_rgbd.health.findings import Finding
+from civil_rgbd.health.gaps import gap_findings
 from civil_rgbd.health.links import link_findings
 
 _OPTIONS: Final = {
@@ -27,8 +28,6 @@ _NOUNS: Final = {
     "pose": "poses",
 }
 _READ_ENCODINGS: Final = ("cdr", "ros1")
-_GAP_NS: Final = NS_PER_S // 4
-"""The gap over which a build interpolates no pose by default (poses.max_gap_s)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +66,7 @@ def findings_of(summary: RecordingSummary, options: RecordingOptions) -> tuple[F
             *_lidar(chosen.lidars, summary),
             *beside_findings(summary, options, chosen.lidars),
             *clock_findings(chosen.lidars, (), (), options),
-            *_gaps(chosen),
+            *gap_findings(chosen.lidars, chosen.images, chosen.poses, options),
         ]
     else:
         found = [
@@ -78,7 +77,7 @@ def findings_of(summary: RecordingSummary, options: RecordingOptions) -> tuple[F
             *_poses(chosen.poses, summary, options),
             *link_findings(summary, options, chosen.lidars, chosen.images, chosen.poses),
             *clock_findings(chosen.lidars, chosen.images, chosen.poses, options),
-            *_gaps(chosen),
+            *gap_findings(chosen.lidars, chosen.images, chosen.poses, options),
         ]
     found = _agreeing(found, summary)
     return tuple(sorted(found, key=lambda finding: finding.level != "error"))
@@ -239,32 +238,6 @@ def _poses(
         imu = summary.of_role("imu")
         said = f"; it has an IMU ({imu[0].name})" if imu else "; it has no IMU either"
         yield Finding("no-poses", f"no topic carries poses, and nothing moves in tf{said}")
-
-
-def _gaps(chosen: Chosen) -> Iterator[Finding]:
-    for code, topics in (
-        ("cloud-gap", chosen.lidars),
-        ("image-gap", chosen.images),
-        ("pose-gap", chosen.poses),
-    ):
-        for topic in topics:
-            timing = topic.stamped
-            if timing is None or len(topics) > 1:
-                continue
-            if timing.gaps and timing.longest_gap_ns > _GAP_NS:
-                many = f"{timing.gaps} gaps" if timing.gaps > 1 else "1 gap"
-                at_s = (timing.longest_gap_at_ns - timing.first_ns) / NS_PER_S
-                yield Finding(
-                    code,
-                    f"{topic.name}: {many} of more than three periods, the longest "
-                    f"{timing.longest_gap_ns / NS_PER_S:.2f} s, {at_s:.1f} s after its start",
-                )
-            if timing.backward:
-                yield Finding(
-                    "stamps-backward",
-                    f"{topic.name}: {timing.backward} messages are stamped earlier than the one "
-                    "before",
-                )
 
 
 def _agreeing(found: list[Finding], summary: RecordingSummary) -> list[Finding]:

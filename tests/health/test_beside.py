@@ -182,6 +182,16 @@ class TestScanFolder:
         assert errors(findings) == (set() if pose_of == "camera" else {"no-camera-link"})
         assert_agrees_with_a_build(scans, summary, errors(findings), given)
 
+    def test_scans_that_end_before_the_images_are_told(self, tmp_path: Path) -> None:
+        scans = folder_of_scans(tmp_path)
+        for path in sorted(scans.glob("*.pcd"), key=lambda path: int(path.stem))[6:]:
+            path.unlink()
+        stamps = (scans / "timestamps.txt").read_text().splitlines(keepends=True)
+        (scans / "timestamps.txt").write_text("".join(stamps[:6]))
+        _, findings = inspected(scans, options(tmp_path))
+        (gap,) = (finding for finding in findings if finding.code == "cloud-gap")
+        assert gap.message == "scans ends 0.50 s before the images do"
+
     def test_poses_on_another_clock_are_told(self, tmp_path: Path) -> None:
         scans = folder_of_scans(tmp_path)
         from_zero = -START_S * 10**9

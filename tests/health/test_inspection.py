@@ -268,6 +268,37 @@ def test_a_gap_is_said_with_its_length_and_place(tmp_path: Path) -> None:
     )
 
 
+def ends(tmp_path: Path, **some: list[scene.Message]) -> list[tuple[str, str]]:
+    _, findings = inspected(tmp_path / "scan.mcap", whole_with(**some))
+    return [(f.code, f.message) for f in findings if f.code in {"cloud-gap", "image-gap"}]
+
+
+def test_a_lidar_that_ends_or_begins_apart_from_the_images_is_said(tmp_path: Path) -> None:
+    images = f"the images of {scene.CAMERA}"
+    early, late = scene.scans()[:10], scene.scans()[10:]
+    assert ends(tmp_path, scans=early) == [
+        ("cloud-gap", f"{scene.LIDAR} ends 0.90 s before {images} do")
+    ]
+    assert ends(tmp_path, scans=late) == [
+        ("cloud-gap", f"{scene.LIDAR} begins 1.00 s after {images} do")
+    ]
+
+
+def test_images_that_end_or_begin_apart_from_the_lidar_are_said(tmp_path: Path) -> None:
+    images = f"the images of {scene.CAMERA}"
+    early, late = scene.images()[:10], scene.images()[10:]
+    assert ends(tmp_path, images=early) == [
+        ("image-gap", f"{images} end 1.10 s before {scene.LIDAR} does")
+    ]
+    assert ends(tmp_path, images=late) == [
+        ("image-gap", f"{images} begin 1.00 s after {scene.LIDAR}")
+    ]
+
+
+def test_sensors_that_end_within_a_period_of_each_other_are_not_remarked(tmp_path: Path) -> None:
+    assert ends(tmp_path, scans=scene.scans()[1:-2]) == []
+
+
 def test_stamps_that_step_back_are_counted(tmp_path: Path) -> None:
     images = scene.images()
     images[3] = images[3]._replace(payload=images[1].payload)
