@@ -253,8 +253,11 @@ def _scored_scenes() -> _Plan:
 
 def trials(part: str, *, seconds: float = 60.0) -> list[Trial]:
     """Return the trials that thresholds are set on (``set``) or that are scored (``scored``)."""
-    plan, seed = (_scenes_to_set(), 100) if part == "set" else (_scored_scenes(), 300)
+    if part == "set":
+        plan, seeds = _scenes_to_set(), [*range(100, 105), *range(200, 205)]
+    else:
+        plan, seeds = _scored_scenes(), [*range(300, 308)]
     return [
-        Trial(name, Scene(name, tuple(faces)), walk, seconds, seed + k)
-        for k, (name, faces, walk) in enumerate(plan)
+        Trial(name, Scene(name, tuple(faces)), walk, seconds, seed)
+        for (name, faces, walk), seed in zip(plan, seeds, strict=True)
     ]

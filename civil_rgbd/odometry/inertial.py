@@ -149,7 +149,7 @@ def _rotation_vectors(R: NDArray[np.float64]) -> NDArray[np.float64]:
 def _gaps(readings_ns: NDArray[np.int64], poses_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Tell in which steps the IMU is silent for long, or not there at all: (P - 1,) bool."""
     long = np.flatnonzero(np.diff(readings_ns) > round(_LONGEST_GAP_S * NS_PER_S))
-    blind = (poses_ns[:-1] < readings_ns[0]) | (poses_ns[1:] > readings_ns[-1])
+    blind: NDArray[np.bool_] = (poses_ns[:-1] < readings_ns[0]) | (poses_ns[1:] > readings_ns[-1])
     for k in long.tolist():
         blind |= (poses_ns[1:] > readings_ns[k]) & (poses_ns[:-1] < readings_ns[k + 1])
     return blind

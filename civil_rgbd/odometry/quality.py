@@ -216,7 +216,8 @@ def held_by_planes(normals: NDArray[np.float64], doubt: NDArray[np.float64]) -> 
     >>> held_by_planes(np.eye(3)[[0, 0, 1]], np.zeros(3)).diagonal().tolist()
     [2.0, 1.0, 0.0]
     """
-    return normals.T @ normals - doubt.sum() * np.eye(3)
+    held: NDArray[np.float64] = normals.T @ normals - doubt.sum() * np.eye(3)
+    return held
 
 
 def _against(

@@ -55,6 +55,7 @@ def still_poses(
     planes, axes = np.linalg.eigh(held[:first])
     along = np.abs(np.einsum("kij,ki->kj", axes, velocities_m_s[:first]))
     well = planes > _HELD_WELL
+    well[: first // 2] = False  # what moves at first and then no longer is an engine that settles
     fastest = np.where(well, along, 0.0).max(axis=1)[well.any(axis=1)]
     denied = bool(len(fastest)) and float(np.median(fastest)) > _STILL_M_S
     if first > 1 and not denied and not begins_in_motion(imu):

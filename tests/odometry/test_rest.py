@@ -33,6 +33,14 @@ def test_poses_that_surfaces_hold_deny_rest() -> None:
     assert not still(0.5, HELD).any()
 
 
+def test_an_engine_that_settles_during_the_rest_does_not_deny_it() -> None:
+    velocities = np.zeros((31, 3))
+    velocities[:5, 0] = 1.0
+    held = np.tile(HELD, (31, 1, 1))
+
+    assert still_poses(imu(3), STAMPS, velocities, np.zeros(31), held)[:11].all()
+
+
 def test_later_rest_asks_the_poses_too() -> None:
     readings = imu(8)
     forces = readings.forces_m_s2.copy()
