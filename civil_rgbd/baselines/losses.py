@@ -69,7 +69,8 @@ def over_processes(sums: LogSums) -> LogSums:
     """
     if not (distributed.is_available() and distributed.is_initialized()):
         return sums
-    together = _SumOverProcesses.apply(torch.stack([sums.count, sums.log, sums.log_square]))
+    parts = torch.stack([sums.count, sums.log, sums.log_square])
+    together: Tensor = _SumOverProcesses.apply(parts)  # type: ignore[no-untyped-call]  # torch's own
     count, log, log_square = together.unbind()
     return LogSums(count.detach(), log, log_square)
 

@@ -164,7 +164,7 @@ def predict_row(
         bridge=name,
         frame=row.frame_id,
     )
-    return (straight + mirrored[:, ::-1]) / 2
+    return (straight + mirrored[:, ::-1]) * np.float32(0.5)
 
 
 def mirrored_camera(camera: PinholeCamera) -> PinholeCamera:

@@ -132,8 +132,7 @@ def _add(predicted, true, limits, scale, sums, counts):  # type: ignore[no-untyp
     unmeasured = 0
     for first in range(0, true.size, _BLOCK):
         end = min(first + _BLOCK, true.size)
-        valid = 0
-        empty = 0
+        valid, empty = np.int64(0), np.int64(0)
         for i in range(first, end):
             g = np.float64(true[i])
             known[valid], guessed[valid] = g, np.float64(predicted[i]) * scale

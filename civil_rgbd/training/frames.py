@@ -162,7 +162,7 @@ def load_batches(
     """
     return DataLoader(
         frames,
-        batch_sampler=batches,  # type: ignore[arg-type]  # places instead of numbers
+        batch_sampler=batches,
         num_workers=workers,
         collate_fn=_collated,
         # A generator of its own: the loader must not draw from the one that a checkpoint restores.

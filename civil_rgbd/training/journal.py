@@ -108,4 +108,4 @@ def _summary_writer(folder: Path, done: int) -> Any:  # noqa: ANN401  # tensorbo
             where="train",
             fix='pip install "civil-rgbd[train]", or give --no-tensorboard',
         ) from error
-    return SummaryWriter(str(folder), purge_step=done + 1)  # type: ignore[no-untyped-call]  # torch's own lack
+    return SummaryWriter(str(folder), purge_step=done + 1)

@@ -100,5 +100,5 @@ def spread(model: nn.Module, processes: Processes) -> nn.Module:
                 stacklevel=2,
             )
     elif has_norms:
-        model = nn.SyncBatchNorm.convert_sync_batchnorm(model)
+        model = nn.SyncBatchNorm.convert_sync_batchnorm(model)  # type: ignore[no-untyped-call]  # torch's own lack
     return DistributedDataParallel(model)

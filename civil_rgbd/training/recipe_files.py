@@ -177,9 +177,13 @@ def _value(stage: str, key: str, value: object, kind: type, *, where: object) ->
     fits = type(value) is kind and (not isinstance(value, (int, float)) or value >= least)
     words = _WORDS.get((stage, key))
     if not fits or (words and value not in words):
-        name = {tuple: "a list of numbers", bool: "true or false", str: "a word"}.get(
-            kind, f"a number of at least {least:g}" + " without fraction" * (kind is int)
-        )
+        kinds: dict[object, str] = {
+            tuple: "a list of numbers",
+            bool: "true or false",
+            str: "a word",
+        }
+        number = f"a number of at least {least:g}" + " without fraction" * (kind is int)
+        name = kinds.get(kind, number)
         expected = f"one of {', '.join(map(repr, words))}" if words else name
         raise RecipeError(
             f"{stage}.{key} is {value!r}, not {expected}", where=where, fix=f"give {expected}"

@@ -32,8 +32,8 @@ def momentum(schedule: ScheduleStage, optimiser: OptimiserStage, step: int, step
     if schedule.name != "one-cycle":
         return optimiser.beta_1
     rising, done = _cycle(schedule, step, steps)
-    ends = (schedule.momentum_high, schedule.momentum_low)
-    return _cosine(*ends, done) if rising else _cosine(*reversed(ends), done)
+    high, low = schedule.momentum_high, schedule.momentum_low
+    return _cosine(high, low, done) if rising else _cosine(low, high, done)
 
 
 def _cycle(schedule: ScheduleStage, step: int, steps: int) -> tuple[bool, float]:
