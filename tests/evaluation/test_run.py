@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,9 +16,11 @@ from numpy.typing import NDArray
 from civil_rgbd.domain.split import Split, split_from_document
 from civil_rgbd.errors import FormatError, UsageError
 from civil_rgbd.evaluation.choice import choose_model, choose_split
+from civil_rgbd.evaluation.frames import open_bridges
 from civil_rgbd.evaluation.metrics import METRICS, MetricRules
 from civil_rgbd.evaluation.results import results_document, write_results
 from civil_rgbd.evaluation.run import EvaluationOptions, evaluate, mirrored_camera
+from civil_rgbd.format.depth_exr import write_depth
 from civil_rgbd.format.split_files import read_split, write_split
 from civil_rgbd.geometry.camera import PinholeCamera
 
@@ -217,3 +221,30 @@ def test_a_run_is_scored_on_its_own_split_and_leakage_is_said(
 def test_a_split_and_bridges_together_are_refused(coded_data: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="a split and bridges are given"):
         choose_split("m", coded_data, split_file=tmp_path / "s.json", bridges=["B1"])
+
+
+WITHOUT_TORCH = """
+import sys
+sys.modules["torch"] = None  # any import of it fails
+from civil_rgbd.cli import main
+sys.exit(main(["evaluate", *sys.argv[1:]]))
+"""
+
+
+def test_predictions_on_disk_are_scored_without_torch(coded_data: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine" / "B3").mkdir(parents=True)
+    bridge = open_bridges(coded_data)["B3"]
+    for row in bridge.rows:
+        depth_m = np.maximum(bridge.read_depth(row), 1.0)
+        write_depth(tmp_path / "mine" / "B3" / f"{row.frame_id}.exr", depth_m)
+    arguments = [tmp_path / "mine", "--data", coded_data, "--bridge", "B3", "--out", tmp_path / "o"]
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_TORCH, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    assert done.returncode == 0, done.stderr
+    document = json.loads((tmp_path / "o" / "results.json").read_text("utf-8"))
+    assert document["tests"]["all"]["per_image"]["abs_rel"] < 0.01
