@@ -359,6 +359,22 @@ CASES: dict[str, Case] = {
     "pose that is none": _cut_poses(None),
     "poses that nobody judged": _options("--set", "poses.min_quality=0.5"),
     "images without a folder": _options("--image-times", "times.txt"),
+    "unknown training recipe": lambda folder: [
+        *("train", "bts-smal", "--data", str(folder), "--test-bridge", "B3"),
+        *("--out", str(folder / "run")),
+    ],
+    "no key of a training recipe": lambda folder: [
+        *("train", "bts-small", "--data", str(folder), "--test-bridge", "B3"),
+        *("--out", str(folder / "run"), "--set", "run.stesp=3"),
+    ],
+    "training without frames named": lambda folder: [
+        *("train", "bts-small", "--data", str(folder), "--out", str(folder / "run")),
+    ],
+    "score a model that is none": lambda folder: ["evaluate", "bst", "--data", str(folder)],
+    "shots that are no numbers": lambda folder: [
+        *("benchmark", "--data", str(folder), "--test-bridge", "B3", "--models", "bts"),
+        *("--shots", "few", "--out", str(folder / "table")),
+    ],
     "inspect nothing": lambda folder: ["inspect-recording", str(folder / "missing.mcap")],
     "unknown simulated bridge": lambda folder: [
         "simulate",

@@ -62,10 +62,11 @@ def command(
     from civil_rgbd.evaluation.run import EvaluationOptions, evaluate
 
     rules = rules_from(min_depth_m, max_depth_m, median_scaling=median_scaling)
+    chosen = choose_model(model)
     split = choose_split(model, data, split_file=split_file, bridges=bridges)
     with frame_bar("evaluate") as on_progress:
         options = EvaluationOptions(rules=rules, flip=flip, on_progress=on_progress)
-        evaluation = evaluate(choose_model(model), data, split, options)
+        evaluation = evaluate(chosen, data, split, options)
     run = Path(model)
     folder = out or (run / "results" if (run / "model.pt").is_file() else Path("results"))
     document = write_results(folder, evaluation, model=run.name, data=data.resolve().name)
