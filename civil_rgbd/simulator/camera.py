@@ -9,12 +9,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.geometry.camera import LensCamera, PinholeCamera, distort
-from civil_rgbd.simulator.bridge import caster_of
+from civil_rgbd.simulator.catalogue import caster_for, painter_for
 from civil_rgbd.simulator.scene import RayCaster
-from civil_rgbd.simulator.shading import Painter
+from civil_rgbd.simulator.site_rays import InstantCaster
 from civil_rgbd.simulator.spec import ScanSpec
-from civil_rgbd.simulator.walk import camera_poses, image_instants_ns
+from civil_rgbd.simulator.walk import START_NS, camera_poses, image_instants_ns
 
 D455: Final = LensCamera(
     PinholeCamera(
@@ -82,12 +83,12 @@ def pinhole_rays(camera: PinholeCamera) -> NDArray[np.float64]:
 
 
 def render_depth(
-    caster: RayCaster, camera: PinholeCamera, T_scene_camera: NDArray[np.float64]
+    caster: RayCaster | InstantCaster, camera: PinholeCamera, T_scene_camera: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the exact depth that an ideal pinhole sees.
 
     Args:
-        caster: of the scene.
+        caster: of the scene, or of a site at an instant.
         camera: the pinhole.
         T_scene_camera: (4, 4).
 
@@ -121,23 +122,30 @@ def true_depth(spec: ScanSpec, image_index: int, camera: PinholeCamera) -> NDArr
     Returns:
         (H, W) float64, metres along the optical axis, 0 where the sky is.
     """
-    return render_depth(caster_of(spec.bridge), camera, _in_scene(spec, image_index))
+    caster = caster_for(spec).at(_instant_s(spec, image_index))
+    return render_depth(caster, camera, _in_scene(spec, image_index))
 
 
 def simulate_jpeg(spec: ScanSpec, image_index: int) -> bytes:
     """Return raw image ``image_index`` as the camera compresses it."""
-    painter = _painter(spec.bridge)
+    painter = painter_for(spec)
     camera = raw_camera(spec.image_scale)
     rng = np.random.default_rng([spec.seed, 2, image_index])
-    rgb = painter.paint(lens_rays(camera), camera.pinhole.fx_px, _in_scene(spec, image_index), rng)
+    rgb = painter.paint(
+        lens_rays(camera),
+        camera.pinhole.fx_px,
+        _in_scene(spec, image_index),
+        rng,
+        t_s=_instant_s(spec, image_index),
+    )
     bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
     _, jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, spec.jpeg_quality])
     return bytes(jpeg)
 
 
-@cache
-def _painter(bridge: str) -> Painter:
-    return Painter(caster_of(bridge))
+def _instant_s(spec: ScanSpec, image_index: int) -> float:
+    """Return when an image is taken, in seconds since the walk began."""
+    return (int(image_instants_ns(spec)[image_index]) - START_NS) / NS_PER_S
 
 
 def _in_scene(spec: ScanSpec, image_index: int) -> NDArray[np.float64]:

@@ -9,12 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.simulator.scene import SKY, Face, RayCaster, dots
+from civil_rgbd.simulator.scene import SKY, Face, RayCaster, dots, unit_normals
 from civil_rgbd.simulator.texture import MATERIALS
 from civil_rgbd.simulator.waves import cosine, sine
 
-SUN: Final = np.array([-0.42, -0.48, 0.77])
-"""Direction to the sun, scene frame; length 1 within 0.1 %."""
 SUN_LIGHT: Final = 1.6
 """Sunlight on a surface that faces the sun; the open sky gives 1."""
 
@@ -22,6 +20,10 @@ _LIFT_M = 2e-3  # rays start this far off the surface that they leave
 _RAYS = 32
 _CELL_M = 0.5
 _MOST_CELLS = 40
+_OPEN_ROWS = 2  # below the map: where whatever moves looks its light up
+_SMALL_M = 0.35  # a seamless face smaller than this gets one value
+_INSET_M = 0.03
+_UNDERSIDE = 0.25  # of the light on its top, what reaches a mover's underside
 _GROUND_AMBIENT = 0.35  # what lit-up surroundings throw back besides the sun's light
 
 
@@ -34,33 +36,33 @@ class FaceAxes:
         up: (F, 3) float64 unit vectors.
         low_m: (F, 2) smallest u, v of each face.
         high_m: (F, 2) largest u, v.
+        texture_m: (F, 2) the u, v at which textures begin.
     """
 
     along: NDArray[np.float64]
     up: NDArray[np.float64]
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
+    texture_m: NDArray[np.float64]
 
 
-def face_axes(faces: tuple[Face, ...]) -> FaceAxes:
-    """Choose plane coordinates for every face."""
-    normals = np.stack([face.normal for face in faces])
+def face_axes(faces: tuple[Face, ...], *, seamless: bool) -> FaceAxes:
+    """Choose plane coordinates for every face; seamless ones share them within a plane."""
+    first = np.stack([face.corners_m[:3] for face in faces])
+    normals = unit_normals(first[:, 0], first[:, 1], first[:, 2])
     level = np.abs(normals[:, 2]) > 0.9
     flat = np.sqrt(normals[:, 0] ** 2 + normals[:, 1] ** 2)
     safe = np.where(level, 1.0, flat)
     along = np.stack([-normals[:, 1] / safe, normals[:, 0] / safe, np.zeros(len(faces))], axis=1)
     along[level] = [1.0, 0.0, 0.0]
     up = np.cross(normals, along)
-    spans = [
-        np.stack([dots(face.corners_m, a[np.newaxis]), dots(face.corners_m, u[np.newaxis])], axis=1)
-        for face, a, u in zip(faces, along, up, strict=True)
-    ]
-    return FaceAxes(
-        along,
-        up,
-        np.stack([span.min(axis=0) for span in spans]),
-        np.stack([span.max(axis=0) for span in spans]),
-    )
+    counts = [len(face.corners_m) for face in faces]
+    corners, starts = np.concatenate([face.corners_m for face in faces]), np.cumsum([0, *counts])
+    spans = [dots(corners, np.repeat(axis, counts, axis=0)) for axis in (along, up)]
+    spread = np.stack(spans, axis=1)
+    low = np.minimum.reduceat(spread, starts[:-1])
+    high = np.maximum.reduceat(spread, starts[:-1])
+    return FaceAxes(along, up, low, high, np.zeros_like(low) if seamless else low)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,38 +83,73 @@ class LightMap:
     tops_px: NDArray[np.float32]
     cells_per_m: NDArray[np.float32]
 
+    @property
+    def open_row_px(self) -> int:
+        """A row of open sky, and the one below it too."""
+        return len(self.light) - _OPEN_ROWS
+
 
 def bake(caster: RayCaster) -> LightMap:
     """Send rays from a grid on every face and gather what they find."""
-    faces = caster.scene.faces
-    axes = face_axes(faces)
+    scene = caster.scene
+    axes = face_axes(scene.faces, seamless=scene.seamless)
     extent = axes.high_m - axes.low_m
     cells = np.clip(np.ceil(extent / _CELL_M).astype(int) + 1, 2, _MOST_CELLS)
     lefts, tops, size = _packed(cells)
-    points, normals, rows, columns = [], [], [], []
-    for i, face in enumerate(faces):
-        u = np.linspace(axes.low_m[i, 0], axes.high_m[i, 0], cells[i, 0])
-        v = np.linspace(axes.low_m[i, 1], axes.high_m[i, 1], cells[i, 1])
-        uu, vv = (grid.ravel() for grid in np.meshgrid(u, v))
-        n = face.normal
-        on_plane = dots(n[np.newaxis], face.corners_m[:1])
-        spot = uu[:, np.newaxis] * axes.along[i] + vv[:, np.newaxis] * axes.up[i]
-        points.append(spot + (on_plane + _LIFT_M) * n)
-        normals.append(np.broadcast_to(n, spot.shape))
-        row, column = np.divmod(np.arange(len(uu)), cells[i, 0])
-        rows.append(row + tops[i])
-        columns.append(column + lefts[i])
-    light = np.ones(size, dtype=np.float32)
-    light[np.concatenate(rows), np.concatenate(columns)] = _gathered(
-        caster, np.concatenate(points), np.concatenate(normals)
-    )
+    first = np.stack([face.corners_m[:3] for face in scene.faces])
+    normals = unit_normals(first[:, 0], first[:, 1], first[:, 2])
+    heights = dots(normals, first[:, 0])
+    light = np.ones((size[0] + _OPEN_ROWS, size[1]), dtype=np.float32)
+    small = scene.seamless & (extent.max(axis=1) < _SMALL_M)
+    middles = _on_faces(axes, normals, heights, (axes.low_m + axes.high_m) / 2)
+    seen = _gathered(caster, middles[small], normals[small])
+    for j in (0, 1):
+        for i in (0, 1):
+            light[tops[small] + j, lefts[small] + i] = seen
+    owner, places = _grids(axes, cells, np.flatnonzero(~small), inset=scene.seamless)
+    points = _on_faces(axes, normals, heights, places[:, :2], owner)
+    row, column = places[:, 2].astype(int), places[:, 3].astype(int)
+    light[row + tops[owner], column + lefts[owner]] = _gathered(caster, points, normals[owner])
+    cells_per_m = (cells - 1) / extent
+    begin = (axes.low_m - axes.texture_m) * cells_per_m
     return LightMap(
         axes,
         light,
-        lefts.astype(np.float32),
-        tops.astype(np.float32),
-        ((cells - 1) / extent).astype(np.float32),
+        (lefts - begin[:, 0]).astype(np.float32),
+        (tops - begin[:, 1]).astype(np.float32),
+        cells_per_m.astype(np.float32),
     )
+
+
+def _grids(
+    axes: FaceAxes, cells: NDArray[np.int64], faces: NDArray[np.intp], *, inset: bool
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return of every grid point its face (N,), and u, v, row, column (N, 4)."""
+    owners, places = [], []
+    for i in faces:
+        # Off the edge a little, so that no ray slips out below the face that meets it there.
+        edge = np.minimum(_INSET_M, (axes.high_m[i] - axes.low_m[i]) / 8) * inset
+        low, high = axes.low_m[i] + edge, axes.high_m[i] - edge
+        u, v = (np.linspace(low[k], high[k], cells[i, k]) for k in (0, 1))
+        uu, vv = (grid.ravel() for grid in np.meshgrid(u, v))
+        places.append(np.stack([uu, vv, *np.divmod(np.arange(len(uu)), cells[i, 0])], axis=1))
+        owners.append(np.full(len(uu), i))
+    return np.concatenate(owners), np.concatenate(places)
+
+
+def _on_faces(
+    axes: FaceAxes,
+    normals: NDArray[np.float64],
+    heights_m: NDArray[np.float64],
+    uv_m: NDArray[np.float64],
+    owner: NDArray[np.intp] | slice = slice(None),
+) -> NDArray[np.float64]:
+    """Return the points (N, 3) just off the faces at (N, 2) plane coordinates."""
+    spot = uv_m[:, :1] * axes.along[owner] + uv_m[:, 1:] * axes.up[owner]
+    points: NDArray[np.float64] = (
+        spot + (heights_m[owner] + _LIFT_M)[:, np.newaxis] * normals[owner]
+    )
+    return points
 
 
 def _packed(
@@ -134,10 +171,13 @@ def _gathered(
     caster: RayCaster, points_m: NDArray[np.float64], normals: NDArray[np.float64]
 ) -> NDArray[np.float32]:
     scene = caster.scene
+    if not len(points_m):
+        return np.zeros(0, dtype=np.float32)
+    sun = np.asarray(scene.sun)
     albedo = np.array(
         [sum(MATERIALS[face.material].colour) / 3 for face in scene.faces], dtype=np.float32
     )[scene.face_of_triangle]
-    sunlit = np.maximum(dots(scene.normals, SUN[np.newaxis]), 0).astype(np.float32) * np.float32(
+    sunlit = np.maximum(dots(scene.normals, sun[np.newaxis]), 0).astype(np.float32) * np.float32(
         SUN_LIGHT
     )
     origins = points_m.astype(np.float32)
@@ -151,7 +191,7 @@ def _gathered(
         n, k = scene.normals[hit[seen]], hit[seen]
         t = (scene.offsets_m[k] - dots(n, points_m[seen])) / dots(n, d[seen])
         spot = points_m[seen] + t[:, np.newaxis] * d[seen] + _LIFT_M * n
-        in_sun = (sunlit[k] > 0) & ~caster.blocked(spot.astype(np.float32), SUN.astype(np.float32))
+        in_sun = (sunlit[k] > 0) & ~caster.blocked(spot.astype(np.float32), sun.astype(np.float32))
         found[seen] = albedo[k] * (sunlit[k] * in_sun + np.float32(_GROUND_AMBIENT))
         total += found
     return total / np.float32(_RAYS)
@@ -164,3 +204,15 @@ def _sphere(count: int) -> NDArray[np.float64]:
     turns, radius = k * (math.sqrt(5) - 1) / 2, np.sqrt(1 - z * z)
     # 0.999: the vector opposite a normal must not cancel it.
     return 0.999 * np.stack([radius * cosine(turns), radius * sine(turns), z], axis=1)
+
+
+def openness(
+    caster: RayCaster, middle_m: NDArray[np.float64], normals: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return how much light but the sun's reaches (N, 3) normals about a place: (N,), 1 = open."""
+    directions = _sphere(_RAYS)
+    above = directions[directions[:, 2] > 0].astype(np.float32)
+    free = caster.nearest(middle_m.astype(np.float32)[np.newaxis], above) == SKY
+    sky = 0.15 + 0.85 * float(np.count_nonzero(free)) / len(above)
+    up = (1 + normals[:, 2]) / 2
+    return sky * (_UNDERSIDE + (1 - _UNDERSIDE) * up)

@@ -32,7 +32,12 @@ _LIMITS: Final[dict[str, tuple[float, float]]] = {
     "max_range_m": (10.0, 450.0),
     "camera_time_offset_s": (-1e6, 1e6),
     "speed_m_s": (0.0, 3.0),
+    "moving": (0, 1),
+    "scene_seed": (0, 2**32 - 1),
 }
+
+_YOUNGER: Final = frozenset({"moving", "scene_seed"})
+"""Settings that a spec's text leaves out at their defaults: elder specs keep their hashes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +62,8 @@ class ScanSpec:
         extrinsic_error_m: how wrong it states the camera's place, along the camera's x, y and z.
         map_offset_m: where the scene's origin lies in the map; large for UTM-like maps.
         speed_m_s: of the walk where it is fastest; 0 stands still.
+        moving: 1 = cars and people move about, 0 = they are left out.
+        scene_seed: of plants, cars and people.
     """
 
     bridge: str = "demo"
@@ -75,6 +82,8 @@ class ScanSpec:
     extrinsic_error_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     map_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     speed_m_s: float = 1.3
+    moving: int = 1
+    scene_seed: int = 0
 
     def __post_init__(self) -> None:
         if self.bridge not in BRIDGES:
@@ -94,7 +103,9 @@ class ScanSpec:
 
     def document(self) -> dict[str, object]:
         """Return all of it as plain JSON values."""
-        return json.loads(json.dumps(asdict(self)))  # type: ignore[no-any-return]  # tuples become lists
+        younger = {f.name: f.default for f in fields(self) if f.name in _YOUNGER}
+        said = {k: v for k, v in asdict(self).items() if k not in younger or v != younger[k]}
+        return json.loads(json.dumps(said))  # type: ignore[no-any-return]  # tuples become lists
 
     def text(self) -> str:
         """Return all of it as JSON text; equal specs give equal text."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Final
 
 import cv2
@@ -169,7 +169,7 @@ def _tile(material: str, rng: np.random.Generator) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Atlas:
-    """All tiles of all materials in one picture, each with its ever coarser copies.
+    """All tiles of some materials in one picture, each with its ever coarser copies.
 
     Attributes:
         albedo: (H, W, 3) uint8, 255 = 1.0 after a square root, red green blue.
@@ -191,16 +191,18 @@ def _halved(tile: NDArray[np.float32]) -> NDArray[np.float32]:
     return total / np.float32(4)
 
 
-@cache
-def atlas() -> Atlas:
-    """Draw every texture, once a process."""
-    width = (TILE_PX + 2 * _MARGIN_PX) * len(MATERIALS)
+@lru_cache(maxsize=2)
+def atlas(materials: tuple[str, ...]) -> Atlas:
+    """Draw the textures of some materials."""
+    width = (TILE_PX + 2 * _MARGIN_PX) * len(materials)
     height = 2 * TILE_PX + 2 * _MARGIN_PX * LEVELS
     picture = np.zeros((height, width, 3), dtype=np.uint8)
-    lefts = np.empty((len(MATERIALS), LEVELS), dtype=np.float32)
+    lefts = np.empty((len(materials), LEVELS), dtype=np.float32)
     tops = np.empty_like(lefts)
-    for m, material in enumerate(MATERIALS):
-        tile = _tile(material, np.random.default_rng([m, 2025]))
+    places = list(MATERIALS)
+    for m, material in enumerate(materials):
+        # Seeded by its place among all: no other material changes how it looks.
+        tile = _tile(material, np.random.default_rng([places.index(material), 2025]))
         left, top = m * (TILE_PX + 2 * _MARGIN_PX), 0
         for level in range(LEVELS):
             edged = np.pad(tile, ((1, 1), (1, 1), (0, 0)), mode="wrap")
