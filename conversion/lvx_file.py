@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.conversion.lvx_packets import is_frame, next_frame
+from civil_rgbd.conversion.lvx_packets import is_frame, next_frame, walk_packets
 from civil_rgbd.errors import RecordingError
 from civil_rgbd.geometry.angles import rotation_from_roll_pitch_yaw
 from civil_rgbd.geometry.transforms import transform_from
@@ -148,7 +148,7 @@ def frames_of(
     Yields:
         start and end of a frame's packets.
     """
-    at, number = header.data_at, 0
+    at, number, longest = header.data_at, 0, 0
     while at < len(data):
         if at + _FRAME.size > len(data):
             damage.append(f"it ends at byte {len(data)}, inside the header of frame {number}")
@@ -166,5 +166,19 @@ def frames_of(
                 place = "the file ends at" if behind == len(data) else "the next begins at"
                 damage.append(f"frame {number} should end at byte {end}, {place} {behind}")
                 end = behind
+        elif end - at > 2 * longest:  # it may skip frames: do its packets reach so far?
+            behind = _behind_packets(data, header, at + _FRAME.size, end)
+            if behind < end:
+                damage.append(
+                    f"frame {number} should end at byte {end}, the next begins at {behind}"
+                )
+                end = behind
+            longest = end - at
         yield at + _FRAME.size, end
         at, number = end, number + 1
+
+
+def _behind_packets(data: NDArray[np.uint8], header: LvxHeader, start: int, end: int) -> int:
+    """Return where the next frame begins behind the first packet that is none; else ``end``."""
+    packets = walk_packets(data[start:end], second=header.second, devices=header.keys)
+    return end if packets.whole else min(end, next_frame(data, start + packets.end))

@@ -121,7 +121,8 @@ def index_scans(walk: Walk, wanted: str | None, *, salvage: bool) -> Index:
     counts = dict(walk.counts)
     if astray:
         counts["scan-stamp-astray"] = astray
-        said = f"{astray} frames are left out, whose stamps do not fit those around them"
+        frames = "1 frame is" if astray == 1 else f"{astray} frames are"
+        said = f"{frames} left out, whose stamps do not fit those of the others"
         lost = f"{lost}; {said}" if lost else said
     return Index(scans, lost, counts, _warnings(device))
 
@@ -178,10 +179,10 @@ def _scans(walk: Walk, device: Device, *, salvage: bool) -> tuple[LvxScans, int]
     """
     seen = walk.seen[device.key]
     short = np.array(seen.spans_ns) <= MAX_POINT_TIME_OFFSET_NS
-    kept = np.flatnonzero(short)
+    kept = np.flatnonzero(short & seen.on_one_clock)
     kept = kept[ascending(seen.stamps_ns[kept])]
     lost = len(short) - len(kept)
-    if len(seen.stamp_types) > 1 or (lost and not salvage):
+    if not len(kept) or (lost and not salvage):
         raise _clock_changed(walk, seen)
     return replace(scans_of(walk, device, kept.tolist()), salvage=salvage), lost
 
@@ -210,7 +211,7 @@ def scans_of(walk: Walk, device: Device, kept: Sequence[int]) -> LvxScans:
 
 
 def _clock_changed(walk: Walk, seen: Seen) -> RecordingError:
-    types = f"stamp types: {', '.join(map(str, sorted(seen.stamp_types)))}"
+    types = sorted(frozenset().union(*seen.stamp_types))
     stamps_ns, span_ns = seen.stamps_ns, max(seen.spans_ns)
     steps = np.diff(stamps_ns)
     what = "the LiDAR's clock changed while it recorded"
@@ -222,13 +223,16 @@ def _clock_changed(walk: Walk, seen: Seen) -> RecordingError:
         )
     elif span_ns > MAX_POINT_TIME_OFFSET_NS:
         what = f"one frame spans {span_ns / NS_PER_S:.3f} s"
+    odd = np.flatnonzero(~seen.on_one_clock)
+    if len(types) > 1 and len(odd):
+        what += f"; frame {odd[0]} has stamps of another type than most: {len(odd)} frames have"
     fix = (
         "record again with the clock settled before the start (PTP or GPS), or none at all; type 0 "
-        "counts from power-on, 1 is PTP, 3 GPS, 4 a pulse a second"
+        "counts from power-on, 1 is PTP, 3 GPS, 4 a pulse a second; or go on without the frames "
+        "that do not fit: --salvage"
     )
-    if len(seen.stamp_types) == 1:
-        fix += "; or go on without the frames that do not fit: --salvage"
-    return RecordingError(f"{what} ({types})", where=walk.path, fix=fix)
+    said = f"stamp types: {', '.join(map(str, types))}"
+    return RecordingError(f"{what} ({said})", where=walk.path, fix=fix)
 
 
 def _warnings(device: Device) -> tuple[str, ...]:

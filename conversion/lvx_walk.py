@@ -37,7 +37,7 @@ class Seen:
         places: start and end of the packets of each frame in which it has points.
         first_ns: stamp of each such frame's earliest packet.
         spans_ns: of each such frame, from its first packet to its last.
-        stamp_types: which kinds of stamps its packets have.
+        stamp_types: which kinds of stamps the packets of each such frame have.
         kinds: data types of its points.
         packet_ns: stamps of its first packets.
         packet_points: points of the fullest packet, not counting further returns.
@@ -47,7 +47,7 @@ class Seen:
     places: list[tuple[int, int]] = field(default_factory=list)
     first_ns: list[int] = field(default_factory=list)
     spans_ns: list[int] = field(default_factory=list)
-    stamp_types: set[int] = field(default_factory=set)
+    stamp_types: list[frozenset[int]] = field(default_factory=list)
     kinds: set[int] = field(default_factory=set)
     packet_ns: list[int] = field(default_factory=list)
     packet_points: int = 0
@@ -57,6 +57,13 @@ class Seen:
     def stamps_ns(self) -> NDArray[np.int64]:
         """(S,) of its frames."""
         return np.array(self.first_ns, dtype=np.int64)
+
+    @property
+    def on_one_clock(self) -> NDArray[np.bool_]:
+        """(S,) whether all packets of a frame have the kind of stamps that most frames have."""
+        pure = Counter(types for types in self.stamp_types if len(types) == 1)
+        usual = pure.most_common(1)[0][0] if pure else frozenset()
+        return np.array([types == usual for types in self.stamp_types], dtype=np.bool_)
 
     def note(
         self,
@@ -91,7 +98,7 @@ class Seen:
         self.places.append(place)
         self.first_ns.append(int(stamps_ns.min()))
         self.spans_ns.append(int(stamps_ns.max() - stamps_ns.min()))
-        self.stamp_types |= set(packets.stamp_type.tolist())
+        self.stamp_types.append(frozenset(packets.stamp_type.tolist()))
         if len(self.packet_ns) < _MEASURED_PACKETS:
             self.packet_ns += stamps_ns.tolist()
         for kind, length in {*zip(packets.kind.tolist(), packets.length.tolist(), strict=True)}:

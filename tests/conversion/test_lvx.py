@@ -195,6 +195,7 @@ class TestClocks:
         with pytest.raises(RecordingError, match="clock changed while it recorded") as caught:
             opened(tmp_path, file_bytes(later))
         assert "PTP" in caught.value.fix
+        assert "--salvage" in caught.value.fix
 
     def test_points_of_every_frame_lie_within_the_reach(self, tmp_path: Path) -> None:
         scans = opened(tmp_path, file_bytes(frames())).scans
@@ -265,6 +266,44 @@ class TestDamage:
         kept = opened(tmp_path, bytes(data), salvage=True).scans
         assert len(kept.stamps_ns) in (4, 5)
         assert len(kept.read(len(kept.stamps_ns) - 1).points) == 192
+
+    @pytest.mark.parametrize("to", ["the end", "frame 5", "no frame"])
+    def test_a_frame_that_leaves_frames_out_is_cut_where_they_begin(
+        self, tmp_path: Path, to: str
+    ) -> None:
+        data = bytearray(file_bytes(frames(6)))
+        starts = lvx_writer.frame_starts(data)
+        lie = {"the end": len(data), "frame 5": starts[5], "no frame": 0}[to]
+        struct.pack_into("<Q", data, starts[0] + 8, lie)
+        with pytest.raises(RecordingError, match="frame 0 should end at byte"):
+            opened(tmp_path, bytes(data))
+        kept = opened(tmp_path, bytes(data), salvage=True).scans
+        assert [len(kept.read(at).points) for at in range(6)] == [192] * 6
+
+    def test_zeros_are_no_packets_of_another_clock(self, tmp_path: Path) -> None:
+        data = bytearray(file_bytes(frames(6, stamp_type=1)))
+        starts = lvx_writer.frame_starts(data)
+        first = starts[2] + 24 + 19 + 96 * 14  # the second packet of frame 2 and all of frame 3
+        data[first : starts[4]] = bytes(starts[4] - first)
+        with pytest.raises(RecordingError, match="the recording is damaged") as caught:
+            opened(tmp_path, bytes(data))
+        assert "--salvage" in caught.value.fix
+        kept = opened(tmp_path, bytes(data), salvage=True)
+        whole = [START_NS + f * 2 * 96 * INTERVAL_NS for f in (0, 1, 4, 5)]
+        assert kept.scans.stamps_ns.tolist() == whole
+        assert kept.salvage is not None
+        assert "1 frame is left out" in kept.salvage
+
+    def test_a_flipped_kind_of_stamp_costs_its_frame(self, tmp_path: Path) -> None:
+        content = frames(6, stamp_type=1)
+        odd = content[2][1]
+        content[2][1] = Packet(odd.stamp, odd.payload, stamp_type=9)
+        with pytest.raises(RecordingError, match="frame 2 has stamps of another type") as caught:
+            opened(tmp_path, file_bytes(content))
+        assert "--salvage" in caught.value.fix
+        kept = opened(tmp_path, file_bytes(content), salvage=True)
+        assert len(kept.scans.stamps_ns) == 5
+        assert kept.counts == {"scan-stamp-astray": 1}
 
     def test_a_stamp_that_is_astray_costs_its_frame(self, tmp_path: Path) -> None:
         content = frames(6)
