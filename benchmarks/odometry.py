@@ -1,11 +1,11 @@
 """Odometry on simulated walks with known truth: how far off it is, and whether its quality says so.
 
-``python benchmarks/odometry.py [--engine NAME] [--part scored|set] [--all] [--environment FOLDER]``
+``python benchmarks/odometry.py [scored|everything|set] [--engine NAME] [--environment FOLDER]``
 
 The engine is installed first with ``civil-rgbd poses ... --create-environment``. Every second of a
 walk is *bad* when the motion over it is off by more than 10 cm or 1 degree, *good* when it is off
 by less than 3 cm and 0.3 degrees; it is *flagged* when a pose of it has a quality below the limit.
-The limit was set on the scenes of ``--part set``; those of ``--part scored`` differ in shape,
+The limit was set on the scenes of ``set``; those of ``scored`` differ in shape,
 height, walk and noise. ATE: root mean square after the best rotation and translation, no scale.
 
 Measured on 22 November 2026, 60 s walks, 12,000 points a scan, one core:
@@ -25,15 +25,15 @@ tunnel                        genz-lio      716 m        59 of 59       0 of 0
 tunnel                        se3-lio       31 m         56 of 56       0 of 0
 tunnel 2                      genz-lio      7.7 m        59 of 59       0 of 0
 tunnel 2                      se3-lio       3.4 m        42 of 42       0 of 10
-slab on piers (``--all``)     genz-lio      1.1 m        17 of 17       0 of 31
+slab on piers (everything)    genz-lio      1.1 m        17 of 17       0 of 31
 slab on piers                 se3-lio       19 cm        7 of 7         8 of 32
 ribbed, then smooth           genz-lio      1.4 m        23 of 23       0 of 25
 ribbed, then smooth           se3-lio       3.6 m        33 of 33       1 of 17
 ============================  ============  ===========  =============  ==========
 
 Girders, soffits and tunnels together: 0 of 114 good seconds are flagged (genz-lio), 1 of 119
-(se3-lio, 0.8 %). With the two kinds of ``--all``: 0 of 170 and 10 of 168. The ten scenes of
-``--part set``: 319 of 319 bad seconds and 2 of 220 good ones (genz-lio), 294 of 294 and 18 of 219.
+(se3-lio, 0.8 %). With ``everything``: 0 of 170 and 10 of 168. The ten scenes of
+``set``: 319 of 319 bad seconds and 2 of 220 good ones (genz-lio), 294 of 294 and 18 of 219.
 """
 
 from __future__ import annotations
@@ -58,13 +58,13 @@ from civil_rgbd.odometry.engines import ENGINES, Engine
 from civil_rgbd.odometry.environment import environment_folder, find_program
 from civil_rgbd.odometry.poses import JudgedPoses, judged_poses
 from civil_rgbd.odometry.quality import LOW_QUALITY
-from civil_rgbd.simulator.cache import cache_folder
+from civil_rgbd.resources import cache_folder
 
 sys.path.insert(0, str(Path(__file__).parent))
 from odometry_scenes import Trial, trials
 
 MAIN_SCENES = ("girders", "soffit", "tunnel")
-"""What the names of the trials begin with that count without ``--all``."""
+"""What the names of the trials begin with that count unless ``everything`` is asked for."""
 CURVE = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.5, 2.0)
 BAD_M, BAD_DEG, GOOD_M, GOOD_DEG = 0.10, 1.0, 0.03, 0.3
 POSES_A_SECOND = 10
@@ -149,18 +149,19 @@ def main() -> None:
     """Run the trials and sum up."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--engine", default="genz-lio", choices=sorted(ENGINES))
-    parser.add_argument("--part", default="scored", choices=["scored", "set"])
+    parser.add_argument(
+        "part", nargs="?", default="scored", choices=["scored", "everything", "set"]
+    )
     parser.add_argument("--environment", type=Path)
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--all", action="store_true", help="also slab and half-smooth tunnel")
     given = parser.parse_args()
     engine = ENGINES[given.engine]
     folder = given.environment or environment_folder(cache_folder(), engine)
     program = find_program(engine, folder)
     chosen = [
         trial
-        for trial in trials(given.part, seconds=given.seconds)
-        if given.all or trial.name.startswith(MAIN_SCENES)
+        for trial in trials("set" if given.part == "set" else "scored", seconds=given.seconds)
+        if given.part != "scored" or trial.name.startswith(MAIN_SCENES)
     ]
     scores = [walk(trial, engine, program) for trial in chosen]
     bad = np.concatenate([one.bad for one in scores])

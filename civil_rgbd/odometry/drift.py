@@ -166,11 +166,13 @@ def _over_a_second(off: _Array, seconds: _Array) -> _Array:
     total = np.vstack([np.zeros(3), np.cumsum(off, axis=0)])
     time = np.concatenate([[0.0], np.cumsum(seconds)])
     k = np.arange(len(time))
+    # The first and the last second serve all poses in their outer halves.
+    middle = time.clip(_HALF_WINDOW_S, max(time[-1] - _HALF_WINDOW_S, _HALF_WINDOW_S))
     # A tenth more, or rounding decides whether the pose half a second away counts; never fewer
     # than the poses next to it.
     reach = 1.1 * _HALF_WINDOW_S
-    first = np.minimum(np.searchsorted(time, time - reach), np.maximum(k - 1, 0))
-    last = np.searchsorted(time, time + reach, side="right") - 1
+    first = np.minimum(np.searchsorted(time, middle - reach), np.maximum(k - 1, 0))
+    last = np.searchsorted(time, middle + reach, side="right") - 1
     last = np.maximum(last, np.minimum(k + 1, len(k) - 1))
     size = np.sqrt(((total[last] - total[first]) ** 2).sum(axis=1))
     rate: _Array = size / (time[last] - time[first])
