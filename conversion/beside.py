@@ -45,13 +45,18 @@ def refuse_topics(options: RecordingOptions, *names: str, where: object) -> None
             )
 
 
+def body_is_said(options: RecordingOptions) -> bool:
+    """Whether ``--pose-of`` or the rig file's ``body`` says whose poses poses are."""
+    return options.pose_of is not None or any("body" in pair for pair in options.rig.extrinsics)
+
+
 def require_body(options: RecordingOptions, *, where: object) -> None:
     """Refuse poses from a file that nobody says whose poses they are.
 
     Raises:
         UsageError: neither ``--pose-of`` nor the rig file's ``body`` says it.
     """
-    if options.pose_of is None and not any("body" in pair for pair in options.rig.extrinsics):
+    if not body_is_said(options):
         raise UsageError(
             "the trajectory file does not say what its poses are poses of",
             where=where,

@@ -80,6 +80,7 @@ def check_overlap(
         f"the clocks do not overlap: {said}",
         where=where,
         fix="where one clock counts from power-on and another from 1970, give their difference as "
-        "camera_time_offset_s in a rig file (--rig; it is added to image stamps), and take poses "
-        "on the LiDAR's clock (--trajectory-offset moves those of a file)",
+        "camera_time_offset_s in a rig file (--rig; it is added to image stamps), and for poses as "
+        "--trajectory-offset (it is added to theirs, from a file or recorded): all three on the "
+        "LiDAR's clock",
     )

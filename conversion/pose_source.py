@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.conversion.beside import require_body
+from civil_rgbd.conversion.beside import body_is_said, require_body
 from civil_rgbd.conversion.gathering import GatheredPaths, GatheredPoses
 from civil_rgbd.conversion.ros_choice import choose_poses, mostly, nearly_all_alike, no_poses
 from civil_rgbd.conversion.ros_poses import (
@@ -18,6 +18,7 @@ from civil_rgbd.conversion.ros_poses import (
 )
 from civil_rgbd.conversion.topics import Topic, TopicTable
 from civil_rgbd.domain.recording import RecordingOptions
+from civil_rgbd.domain.stamps import signed_seconds
 from civil_rgbd.errors import RecordingError, UsageError
 from civil_rgbd.geometry.trajectory import Trajectory
 
@@ -79,7 +80,21 @@ def choose_pose_source(
         return _poses_from_file(options, options.trajectory, where)
     topic = choose_poses(table, options, where=where)
     if topic is None:
-        return _poses_from_tf(carriers, options, where)
+        return _moved(_poses_from_tf(carriers, options, where), options)
+    return _moved(_poses_from_topic(topic, options, where), options)
+
+
+def _moved(poses: PoseSource, options: RecordingOptions) -> PoseSource:
+    """Bring recorded poses to the LiDAR's clock, by what the user says."""
+    offset_ns, path = options.pose_offset_ns, poses.trajectory
+    if not offset_ns:
+        return poses
+    path = Trajectory(path.stamps_ns + offset_ns, path.translations_m, path.quaternions_xyzw)
+    said = f"the stamps of the poses of {poses.name} are moved by {signed_seconds(offset_ns)} s"
+    return replace(poses, trajectory=path, warnings=(*poses.warnings, said))
+
+
+def _poses_from_topic(topic: Topic, options: RecordingOptions, where: object) -> PoseSource:
     where = f"{where}: {topic.name}"
     gathered = topic.gathered
     child, unordered = "", 0
@@ -167,12 +182,19 @@ def _poses_from_tf(carriers: Carriers, options: RecordingOptions, where: object)
     links = link_that_carries(carriers.lidar, tf)
     if carriers.camera and not links:
         links = link_that_carries(carriers.camera, tf)
+    if not links and len(tf.moving) == 1 and body_is_said(options):
+        links = [*tf.moving]  # R3LIVE and FAST-LIVO2 publish nothing but world -> aft_mapped
     moving = ", ".join(f"{link.parent} -> {link.child}" for link in tf.moving) or "none"
     if len(links) != 1:
-        raise no_poses(
-            where,
-            f"tf has {len(links)} moving links that carry the sensors (moving links: {moving})",
-        )
+        said = f"tf has {len(links)} moving links that carry the sensors (moving links: {moving})"
+        if not links and len(tf.moving) == 1:
+            raise RecordingError(
+                f"nothing says what the poses are poses of: {said}",
+                where=where,
+                fix="say so with --pose-of camera, lidar or imu; or give T_body_lidar and "
+                "T_body_camera in a rig file (--rig), or other poses with --trajectory",
+            )
+        raise no_poses(where, said)
     link = links[0]
     name = f"tf: {link.parent} -> {link.child}"
     warning = f"poses are taken from {name}"

@@ -24,8 +24,9 @@ from civil_rgbd.errors import RecordingError
 
 _ALIKE_SHARE: Final = 0.9
 _NO_POSES_FIX = (
-    "record poses along (nav_msgs/Odometry, geometry_msgs/PoseStamped, nav_msgs/Path or tf) and "
-    "name them with --pose-topic; say what they are of with --pose-of where they have no child "
+    "give them by --trajectory FILE, which `civil-rgbd poses` computes where the recording has an "
+    "IMU; or record them along (nav_msgs/Odometry, geometry_msgs/PoseStamped, nav_msgs/Path or tf) "
+    "and name them with --pose-topic; say what they are of with --pose-of where they have no child "
     "frame, and give extrinsics that tf lacks with --rig"
 )
 

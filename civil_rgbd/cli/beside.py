@@ -31,7 +31,8 @@ _OPTIONS: Final = (
     click.option(
         "--trajectory-offset",
         metavar="SECONDS",
-        help="Added to the stamps of --trajectory to reach the LiDAR's clock.",
+        help="Added to the stamps of --trajectory, or of the recording's own poses, to reach the "
+        "LiDAR's clock.",
     ),
     click.option(
         "--metric-scale",
@@ -60,6 +61,7 @@ _OPTIONS: Final = (
         help="The frame of scans that do not say it themselves.",
     ),
 )
+_OF_TRAJECTORY_ALONE: Final = ("--metric-scale", "--trajectory-format", "--trajectory-times")
 _OF_TRAJECTORY: Final = ("trajectory_format", "trajectory_times", "trajectory_offset")
 
 
@@ -128,8 +130,9 @@ def read_beside(given: dict[str, Any]) -> dict[str, Any]:
     path, metric_scale = options.pop("trajectory"), options.pop("metric_scale")
     format_, times, offset = (options.pop(name) for name in _OF_TRAJECTORY)
     if path is None:
-        _refuse_alone(metric_scale, format_, times, offset)
-        return options
+        given_alone = (metric_scale, format_, times)
+        _refuse_alone(dict(zip(_OF_TRAJECTORY_ALONE, given_alone, strict=True)))
+        return options | {"pose_offset_ns": _offset_ns(offset)}
     read = read_trajectory_file(
         path,
         format=format_,
@@ -148,14 +151,16 @@ def read_beside(given: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _refuse_alone(*values: object) -> None:
+def _refuse_alone(values: dict[str, object]) -> None:
     from civil_rgbd.errors import UsageError
 
-    if any(value is not None for value in values):
+    given = [option for option, value in values.items() if value is not None]
+    if given:
+        speaks = "speaks" if len(given) == 1 else "speak"
         raise UsageError(
-            "options speak of a trajectory file, but none is given",
-            where="--metric-scale, --trajectory-format, --trajectory-times, --trajectory-offset",
-            fix="give it: --trajectory FILE",
+            f"{' and '.join(given)} {speaks} of a trajectory file, but none is given",
+            where=", ".join(given),
+            fix=f"give it: --trajectory FILE; or leave {' and '.join(given)} out",
         )
 
 

@@ -45,6 +45,7 @@ class RecordingOptions:
         pose_topic: the topic of the poses, where several fit.
         imu_topic: the IMU's topic, where several fit; only odometry reads it.
         pose_of: ``camera``, ``lidar`` or ``imu``: the body of poses without a child frame.
+        pose_offset_ns: added to the stamps of the recording's own poses to reach the LiDAR's clock.
         rig: what a rig file says; it gives or overrides camera, extrinsics and time offset.
         point_time: ``FIELD:UNIT:REFERENCE`` for unusual per-point times.
         rectified: the images are rectified already, whatever their topic's name.
@@ -68,6 +69,7 @@ class RecordingOptions:
     pose_topic: str | None = None
     imu_topic: str | None = None
     pose_of: str | None = None
+    pose_offset_ns: int = 0
     rig: RigFile = field(default_factory=RigFile)
     point_time: str | None = None
     rectified: bool = False

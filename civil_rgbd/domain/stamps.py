@@ -76,6 +76,16 @@ def ns_from_seconds(text: str) -> int:
     return ns
 
 
+def signed_seconds(ns: int) -> str:
+    """Write a difference of stamps, all digits.
+
+    >>> signed_seconds(-1_500_000_000)
+    '-1.500000000'
+    """
+    sign = "-" if ns < 0 else "+"
+    return f"{sign}{abs(ns) // NS_PER_S}.{abs(ns) % NS_PER_S:09d}"
+
+
 def read_lines(path: Path, *, what: str, fix: str) -> list[str]:
     """Read a text file that another program wrote.
 

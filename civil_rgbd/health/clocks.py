@@ -60,9 +60,12 @@ def clock_findings(
             yield Finding("stamps-zero", f"{topic.name}: every header is stamped 0")
         elif counts_from_power_on(timing):
             yield Finding("power-on-clock", f"{topic.name}: {clock_in_words(timing)}")
-    offset_ns = round((options.rig.camera_time_offset_s or 0.0) * NS_PER_S)
+    offsets_ns = {
+        "image": round((options.rig.camera_time_offset_s or 0.0) * NS_PER_S),
+        "pose": options.pose_offset_ns,
+    }
     ranges = [
-        (topic.name, *_range(topic, timing, offset_ns if topic.role == "image" else 0))
+        (topic.name, *_range(topic, timing, offsets_ns.get(topic.role, 0)))
         for topic, timing in stamped
     ]
     if options.trajectory is not None:

@@ -14,7 +14,7 @@ CODES: Final = {
     "camera-uncalibrated": ("error", "give the camera in a rig file (--rig)"),
     "clocks-apart": (
         "error",
-        "give the clocks' difference as camera_time_offset_s in a rig file (--rig)",
+        "give the difference: --rig's camera_time_offset_s moves images, --trajectory-offset poses",
     ),
     "cloud-gap": ("warning", "frames near it see older points, or too few"),
     "damage-salvaged": ("warning", "what is lost goes into the manifest"),

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.domain.folders import IMAGE_SUFFIXES, file_source, files_in_order
 from civil_rgbd.domain.recording import SourceFile
-from civil_rgbd.domain.stamps import StampList, read_stamp_list
+from civil_rgbd.domain.stamps import StampList, read_stamp_list, signed_seconds
 from civil_rgbd.errors import RecordingError, UsageError
 from civil_rgbd.geometry.trajectory import Trajectory
 from civil_rgbd.resources import nearest
@@ -168,9 +167,7 @@ def read_trajectory_file(
 def _note(file: str, name: str, metric_scale: float | None, time_offset_ns: int) -> str:
     said = [f"{file} ({name})"]
     if time_offset_ns:
-        sign = "-" if time_offset_ns < 0 else "+"
-        whole_s, rest_ns = divmod(abs(time_offset_ns), NS_PER_S)
-        said.append(f"its stamps moved by {sign}{whole_s}.{rest_ns:09d} s")
+        said.append(f"its stamps moved by {signed_seconds(time_offset_ns)} s")
     if metric_scale is not None:
         said.append(f"{metric_scale:g} m a unit")
     return ", ".join(said)

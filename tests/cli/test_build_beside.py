@@ -108,7 +108,9 @@ def test_options_of_a_trajectory_need_one(
 ) -> None:
     source = str(walk / "lvx/walk.lvx")
     assert main(["build", "--out", str(tmp_path), "--metric-scale", "2", source]) == 2
-    assert "options speak of a trajectory file, but none is given" in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert "--metric-scale speaks of a trajectory file, but none is given" in err
+    assert "where: --metric-scale\n" in err
 
 
 def test_the_body_that_a_format_knows_is_not_contradicted(

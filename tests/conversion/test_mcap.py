@@ -308,7 +308,7 @@ class TestMissing:
         path = scene.write(tmp_path / "a.mcap", {**scene.whole(), "poses": []})
         with pytest.raises(RecordingError, match="no poses") as caught:
             open_recording(path)
-        for option in ("--pose-topic", "--pose-of", "--rig"):
+        for option in ("--trajectory", "`civil-rgbd poses`", "--pose-topic", "--pose-of", "--rig"):
             assert option in caught.value.fix
 
     def test_messages_of_another_encoding_are_refused(self, tmp_path: Path) -> None:

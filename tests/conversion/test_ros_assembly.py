@@ -370,10 +370,36 @@ class TestTf:
         assert "odom -> base; map -> odom moves too" in recording.notes.warnings[-1]
         assert opened(tmp_path, parts, pose_topic="/tf").rig.body == "base"
 
-    def test_no_moving_link_lists_what_moves(self, tmp_path: Path) -> None:
-        parts = {**scene.whole(), "poses": moving([("odom", "drone", 0.2)])}
-        with pytest.raises(RecordingError, match=r"0 moving links that.*odom -> drone"):
+    def test_no_moving_link_that_carries_lists_what_moves(self, tmp_path: Path) -> None:
+        links = [("odom", "drone", 0.2), ("odom", "car", 0.3)]
+        parts = {**scene.whole(), "poses": moving(links)}
+        for more in ({}, {"pose_of": "lidar"}):
+            with pytest.raises(RecordingError, match=r"0 moving links that.*odom -> drone"):
+                opened(tmp_path, parts, **more)
+
+    def test_the_only_moving_link_is_taken_where_it_is_said_whose_poses_it_has(
+        self, tmp_path: Path
+    ) -> None:
+        """R3LIVE and FAST-LIVO2 link aft_mapped to nothing that a sensor is stamped with."""
+        parts = {**scene.whole(), "poses": moving([("world", "aft_mapped", 0.2)])}
+        recording = opened(tmp_path, parts, pose_of="lidar")
+        assert recording.trajectory.translations_m[5, 0] == pytest.approx(1.0)
+        assert recording.notes.reading["pose_topic"] == "tf: world -> aft_mapped"
+        assert np.array_equal(recording.rig.T_body_lidar, np.eye(4))
+        assert any("overrides the poses' child frame" in said for said in recording.notes.warnings)
+        with pytest.raises(RecordingError, match="nothing says what the poses are poses of") as no:
             opened(tmp_path, parts)
+        assert "--pose-of camera, lidar or imu" in no.value.fix
+
+    def test_recorded_poses_of_another_clock_are_moved(self, tmp_path: Path) -> None:
+        """A Livox that counts from power-on, beside poses and images that count from 1970."""
+        parts = {**scene.whole(), "poses": moving([("odom", "lidar", 0.2)])}
+        for poses in (scene.whole()["poses"], parts["poses"]):
+            there = opened(tmp_path, {**parts, "poses": poses}).trajectory
+            recording = opened(tmp_path, {**parts, "poses": poses}, pose_offset_ns=250_000_001)
+            moved = recording.trajectory
+            assert set((moved.stamps_ns - there.stamps_ns).tolist()) == {250_000_001}
+            assert any("are moved by +0.250000001 s" in said for said in recording.notes.warnings)
 
     def test_links_on_tf_that_never_move_are_fixed(self, tmp_path: Path) -> None:
         still = [m._replace(topic="/tf") for m in moving([("lidar", "camera", 0.0)])]
