@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from civil_rgbd.cli.bridge_info import options_of_bridge, read_bridge_info
+from civil_rgbd.cli.places import refuse_remote
 
 
 @click.command("convert")
@@ -96,6 +97,7 @@ def command(
     from civil_rgbd.importers.registry import open_rendered_set
     from civil_rgbd.importers.rendered_set import ImportOptions
 
+    refuse_remote(dataset, option="--out")
     bridge_id = bridge_id or source.resolve().name
     require_free_id(dataset, bridge_id)
     info = read_bridge_info(bridge_info, licence=licence, otherwise=BridgeInfo(bridge_id))

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from civil_rgbd.cli.places import refuse_remote
+
 
 @click.command("download")
 @click.argument("bridge_id", metavar="ID")
@@ -33,6 +35,7 @@ def command(bridge_id: str, *, dataset: Path, registry: str | None, overwrite: b
     from civil_rgbd.cli.progress import byte_bar
     from civil_rgbd.contribution.download import download_bridge
 
+    refuse_remote(dataset, option="--out")
     with byte_bar(bridge_id) as on_progress:
         done = download_bridge(
             bridge_id, dataset, registry=registry, overwrite=overwrite, progress=on_progress

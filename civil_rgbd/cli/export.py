@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from civil_rgbd.cli.places import refuse_remote
+
 
 @click.command("export")
 @click.argument("location", type=click.Path(path_type=Path))
@@ -69,6 +71,7 @@ def command(
     from civil_rgbd.exporters.selection import choose
 
     require_exporter(exporter)
+    refuse_remote(folder, option="--out")
     chosen, splits = choose(location, bridges=bridges, split=split)
     total = sum(len(one.rows) for one in chosen)
     with frame_bar(exporter) as on_progress:

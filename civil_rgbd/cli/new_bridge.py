@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from civil_rgbd.cli.places import refuse_remote
+
 if TYPE_CHECKING:
     from civil_rgbd.contribution.answers import Answers
     from civil_rgbd.contribution.questions import Question
@@ -45,6 +47,7 @@ def command(bridge_id: str, *, dataset: Path, source: Path | None) -> None:
         write_submission,
     )
 
+    refuse_remote(dataset, option="--out")
     submission = open_submission(dataset, bridge_id)
     answers = known_answers(submission)
     answers = laid_over(answers, source, bridge_id) if source else _ask_all(answers)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from civil_rgbd.cli.places import refuse_remote
+
 if TYPE_CHECKING:
     from civil_rgbd.simulator.spec import ScanSpec
 
@@ -67,6 +69,7 @@ def command(
     from civil_rgbd.simulator.spec import spec_from_settings
     from civil_rgbd.simulator.truth import remove_truth, write_truth
 
+    refuse_remote(out, option="OUT")
     here = "civil-rgbd simulate"
     given = {name: value for name, value in settings.items() if value is not None}
     spec = spec_from_settings(given, where=here)

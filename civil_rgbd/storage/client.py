@@ -119,7 +119,7 @@ def _by_fsspec(protocol: str) -> Any:  # noqa: ANN401  # fsspec publishes no typ
     try:
         import fsspec
 
-        return fsspec.filesystem(protocol, use_listings_cache=False)
+        return fsspec.filesystem(protocol, use_listings_cache=False, skip_instance_cache=True)
     except ImportError as error:
         package = "aiohttp" if protocol in WEB else "civil-rgbd[s3]"
         raise MissingExtraError(

@@ -178,7 +178,8 @@ def _look(lock: RemotePath) -> _Other | None:
     except FileNotFoundError:
         return None
     except ValueError:
-        note = {}
+        note = None
+    note = note if isinstance(note, dict) else {}  # not ours, or cut
     age_s = _server_time_s(lock) - stat.st_mtime_ns / 1e9
     dead = age_s > LEASE_S
     if note.get("machine") == _machine():

@@ -75,6 +75,10 @@ class Objects:
                 data = self._fs.cat_file(key)
             else:
                 data = self._fs.cat_file(key, start=start, end=end)
+            if etag is not None and not self._is_obstore:
+                # No condition on reading: the version is still the one, so it was while we read.
+                info = self.head(key)
+                return data if info is not None and info.etag == etag else None
         except ConditionError:
             return None
         except FileNotFoundError as error:
@@ -160,4 +164,5 @@ def _lacks_bucket(error: FileNotFoundError) -> bool:
 def _is_condition(error: Exception) -> bool:
     names = {kind.__name__ for kind in type(error).__mro__}
     known = {"ConditionError", "AlreadyExistsError", "PreconditionError", "FileExistsError"}
-    return bool(names & known) or "PreconditionFailed" in str(error)
+    said = str(error)
+    return bool(names & known) or "PreconditionFailed" in said or "pre-conditions" in said

@@ -35,7 +35,8 @@ def refusal(error: Exception, *, where: str, writing: bool) -> Exception:
     text, name = str(error), type(error).__name__
     code = _CODE.search(text)
     said = code[1] if code else ""
-    if "NoSuchBucket" in text or (writing and isinstance(error, FileNotFoundError)):
+    lacks_bucket = "NoSuchBucket" in text or "bucket does not exist" in text
+    if lacks_bucket or (writing and isinstance(error, FileNotFoundError)):
         return no_bucket(where)
     if isinstance(error, CivilRgbdError | FileNotFoundError):
         return error

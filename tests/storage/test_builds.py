@@ -261,6 +261,20 @@ def test_the_whole_way_by_the_command_line(
     assert "no such bucket" in capsys.readouterr().err
 
 
+def test_commands_that_need_a_disk_refuse_urls(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    for command in (
+        ["simulate", "s3://sets/scan.mcap"],
+        ["convert", str(tmp_path), "--from", "tum", "--out", "s3://sets/a"],
+        ["export", str(tmp_path), "--to", "tum", "--out", "s3://sets/a"],
+        ["download", "B1", "--out", "s3://sets/a"],
+        ["new-bridge", "B1", "--out", "s3://sets/a"],
+    ):
+        assert main(command) == 2
+        assert "lies on object storage" in capsys.readouterr().err
+
+
 @pytest.mark.usefixtures("s3")
 def test_a_folder_that_is_not_there_is_named(bucket: RemotePath, s3: Server) -> None:
     del s3

@@ -82,9 +82,9 @@ def test_conditions_hold(bucket: RemotePath) -> None:
     url = (bucket / "lock").url
     etag = ask("write_on", url, b"one", None)
 
-    with pytest.raises(ConditionError, match="exists"):
+    with pytest.raises(ConditionError, match="exists|condition"):
         ask("write_on", url, b"two", None)
-    with pytest.raises(ConditionError, match="precondition"):
+    with pytest.raises(ConditionError, match="condition"):
         ask("write_on", url, b"two", '"0123"')
     assert (bucket / "lock").read_bytes() == b"one"
     assert ask("write_on", url, b"two", etag) != etag
