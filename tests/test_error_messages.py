@@ -375,6 +375,17 @@ CASES: dict[str, Case] = {
         *("benchmark", "--data", str(folder), "--test-bridge", "B3", "--models", "bts"),
         *("--shots", "few", "--out", str(folder / "table")),
     ],
+    "photos of an unknown camera": lambda folder: [
+        *("predict", str(folder), "--model", "bts-small", "--out", str(folder / "depth")),
+    ],
+    "photos by an unknown model": lambda folder: [
+        *("predict", str(folder), "--model", "bts-smal", "--focal-px", "600"),
+        *("--out", str(folder / "depth")),
+    ],
+    "photos where there are none": lambda folder: [
+        *("predict", str(folder), "--model", "bts-small", "--focal-px", "600"),
+        *("--out", str(folder / "depth")),
+    ],
     "inspect nothing": lambda folder: ["inspect-recording", str(folder / "missing.mcap")],
     "unknown simulated bridge": lambda folder: [
         "simulate",

@@ -144,7 +144,7 @@ def test_an_answer_equals_a_direct_calculation(
 
 def test_a_doubled_focal_length_doubles_the_depth_of_depth_pro(batch: Batch) -> None:
     model = make("depth_pro").eval()
-    doubled = batch[1] * torch.tensor([[2.0, 1, 1], [1, 2.0, 1], [1, 1, 1]])
+    doubled = batch[1] * torch.tensor([[2.0, 1, 1], [1, 1, 1], [1, 1, 1]])  # fx alone
 
     torch.testing.assert_close(model(batch[0], doubled), 2 * model(*batch))
 
