@@ -116,8 +116,19 @@ def assemble(opened: Opened, options: RecordingOptions) -> RosRecording:
         *said,
     )
     reading = _reading(recording, camera, poses, point_time)
+    recording = _salvaged(recording, damaged | poses.left_out)
     left_out = damaged | poses.left_out | _left_out(tf, folder)
     return _noted(recording, reading, remarks, left_out)
+
+
+def _salvaged(recording: RosRecording, lost: dict[str, int]) -> RosRecording:
+    """Say of single damaged messages, too, that the recording is not whole."""
+    if not lost:
+        return recording
+    said = f"left out as damaged: {', '.join(f'{why} {count}' for why, count in lost.items())}"
+    before = recording.notes.salvage
+    notes = replace(recording.notes, salvage=f"{before}; {said}" if before else said)
+    return replace(recording, notes=notes)
 
 
 def _noted(

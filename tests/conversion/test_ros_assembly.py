@@ -612,6 +612,7 @@ class TestDamage:
 
         notes = opened(tmp_path, parts, salvage=True).notes
         assert notes.counts == {"message-damaged": 1}
+        assert notes.salvage == "left out as damaged: message-damaged 1"
         assert any(warning.startswith(f"{message.topic}: 1 of") for warning in notes.warnings)
 
     def test_a_topic_without_a_whole_message_is_refused_even_under_salvage(
@@ -659,6 +660,7 @@ class TestDamage:
         else:
             reason = "pose-stamp-astray" if moved else "pose-broken"
             assert recording.notes.counts == {reason: 1}
+            assert recording.notes.salvage == f"left out as damaged: {reason} 1"
             assert left == len(stamps) - 1
         assert any("damaged poses are left out" in said for said in recording.notes.warnings)
 
