@@ -17,6 +17,8 @@ from civil_rgbd.geometry.transforms import (
     transform_from,
     unit_quaternion,
 )
+from civil_rgbd.simulator.catalogue import site_for
+from civil_rgbd.simulator.gait import Carrying, carried, setting_off
 from civil_rgbd.simulator.spec import ScanSpec
 from civil_rgbd.simulator.waves import chain_turns, cosine, sine, turn_about, turn_towards
 
@@ -50,15 +52,21 @@ def imu_poses(
         w >= 0: ``T_map_imu``.
     """
     t = (stamps_ns - START_NS).astype(np.float64) / NS_PER_S
-    place, quaternions = _stroll(t, speed_m_s=spec.speed_m_s)
+    how = Carrying(spec.speed_m_s, spec.stands_s, spec.sway, spec.seed)
+    path = site_for(spec).path
+    place, quaternions = _stroll(t, how) if path is None else carried(path, how, t)
     return place + np.asarray(spec.map_offset_m), _unit(quaternions)
 
 
 def _stroll(
-    t: NDArray[np.float64], *, speed_m_s: float
+    t: NDArray[np.float64], how: Carrying
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    moving = min(speed_m_s, 1.0)  # who stands still neither bobs nor looks around
-    oval = _START_TURNS + t * (speed_m_s / _HALF_LENGTH_M / (2 * math.pi))
+    # Who stands still neither bobs nor looks around.
+    moving: float | NDArray[np.float64] = min(how.speed_m_s, 1.0) * how.sway
+    if how.stands_s:
+        t, share = setting_off(t, how.stands_s)
+        moving = moving * share
+    oval = _START_TURNS + t * (how.speed_m_s / _HALF_LENGTH_M / (2 * math.pi))
     sin, cos = sine(oval), cosine(oval)
     gait = 1.8 * t  # steps a second
     x = -_HALF_LENGTH_M * cos
