@@ -24,16 +24,13 @@ def small(name: str, **options: object) -> TorchDepthModel:
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "options"),
     [
-        pytest.param(
-            "bts-small",
-            {"features": 16, "focal_reference_px": 100.0, "rest": "crop"},
-            marks=pytest.mark.slow,
-        ),
+        ("bts-small", {"features": 16, "focal_reference_px": 100.0, "rest": "crop"}),
         ("bts-small", {"features": 16, "width_px": 64, "height_px": 32}),
-        pytest.param("zoe-small", {}, marks=pytest.mark.slow),
+        ("zoe-small", {}),
     ],
     ids=["bts", "bts resized", "zoe"],
 )
