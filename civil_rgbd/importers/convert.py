@@ -132,7 +132,8 @@ def choose_scale(
         units a metre; warnings.
 
     Raises:
-        RecordingError: the poses explain the depth only when they are turned round.
+        RecordingError: the poses explain the depth only when they are turned round, or contradict
+            the layout's scale without proving another.
     """
     if evidence.poses_are_inverted:
         other = {"camera-to-map": "map-to-camera"}.get(importing.direction, "camera-to-map")
@@ -146,6 +147,15 @@ def choose_scale(
     declared = importing.depth_scale or opened.declared_scale
     who = "--depth-scale" if importing.depth_scale else f"the layout {opened.importer}"
     if evidence.proven is None:
+        best = evidence.best or 0.0
+        if not importing.depth_scale and evidence.contradicts(declared):
+            raise RecordingError(
+                f"the poses contradict the depth scale {declared:g}, which {who} says, and prove "
+                f"no other: {evidence.words()}",
+                where=opened.root,
+                fix="give the set's own camera with --intrinsics, for under a wrong one no scale "
+                f"fits; or the scale: --depth-scale {best:g} fits best",
+            )
         said = f"depth scale {declared:g} is what {who} says; the poses do not prove it"
         return declared, (f"{said}: {evidence.words()}",)
     if evidence.proven == declared:

@@ -30,6 +30,8 @@ _FEWEST_POINTS: Final = 50
 _AGREES: Final = 0.03
 _CLEARLY_WORSE: Final = 2.5
 _LEAST_DIFFERENCE: Final = 0.004
+_WORSE: Final = 1.5  # to ask costs an answer, to take a wrong scale costs the set
+_DOUBTFUL: Final = 0.02
 _ROUGHLY: Final = 0.1
 _NO_OVERLAP: Final = 1.0
 
@@ -55,6 +57,16 @@ class ScaleEvidence:
     def best(self) -> float | None:
         """The scale that fits best; None where nothing was compared."""
         return min(self.differences, key=self.differences.__getitem__) if self.pairs else None
+
+    def contradicts(self, scale: float) -> bool:
+        """Whether the poses speak against a scale, even where they prove no other.
+
+        A camera or a lens that is not the set's spoils every scale, and a wrong scale still most.
+        """
+        if self.best is None:
+            return False
+        found, best = self.differences[scale], self.differences[self.best]
+        return found > _WORSE * best and found - best > _DOUBTFUL
 
     @property
     def poses_are_inverted(self) -> bool:

@@ -8,7 +8,7 @@ at the image's stamp. File formats: the benchmark's page, "File Formats".
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -56,7 +56,12 @@ def open_set(source: Path, options: ImportOptions) -> RenderedSet:
     elif joint is not None:
         lists, (pairs, stamps), lonely = [joint], _joined(joint), 0
     else:
-        return open_folder_set(root, options, LAYOUT)
+        # Not the benchmark's files: its usual camera may be anybody's guess.
+        words = (
+            f"no {' and '.join(path.name for path in lists)}: images and depth go by their names"
+        )
+        opened = open_folder_set(root, options, replace(LAYOUT, usual_camera=None))
+        return replace(opened, warnings=(words, *opened.warnings))
     _require_files(pairs, root)
     camera, camera_files, warnings = camera_of(root, pairs, options, LAYOUT)
     parts = Parts(

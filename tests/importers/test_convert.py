@@ -147,6 +147,23 @@ def test_a_given_scale_is_taken_and_the_contradiction_kept(take: Take, tmp_path:
     assert "they prove x 256" in warning
 
 
+def test_a_layouts_scale_that_the_poses_contradict_is_refused_though_they_prove_no_other(
+    take: Take, tmp_path: Path
+) -> None:
+    """Millimetres under a layout of 256, through a camera that is not the set's."""
+    root = sets.bridge_rgbd(tmp_path / "set", scale=1000.0)
+    wrong = f"{sets.FX * 0.55},{sets.FY * 0.55},{sets.CX},{sets.CY}"
+
+    with pytest.raises(RecordingError, match="contradict the depth scale 256") as caught:
+        take(root, "bridge-rgbd", intrinsics=wrong)
+    assert "they do not tell" in caught.value.what
+    assert "--depth-scale 1000 fits best" in caught.value.fix
+    assert "--intrinsics" in caught.value.fix
+    given = take(root, "bridge-rgbd", intrinsics=wrong, depth_scale=256.0)
+    (*_, warning) = given.manifest.warnings
+    assert "256 is what --depth-scale says; the poses do not prove it" in warning
+
+
 def test_a_camera_that_only_turns_proves_no_scale(take: Take, tmp_path: Path) -> None:
     root = tmp_path / "set"
 

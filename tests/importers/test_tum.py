@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -73,3 +74,19 @@ def test_without_intrinsics_a_size_of_its_own_is_refused(take: Take, tmp_path: P
         take(root, "tum")
 
     assert "--intrinsics" in caught.value.fix
+
+
+def test_a_folder_without_the_benchmarks_lists_is_said_and_has_no_usual_camera(
+    take: Take, tmp_path: Path
+) -> None:
+    root = sets.bridge_rgbd(tmp_path / "set", scale=5000.0)
+    bridge = take(root, "tum")
+    assert bridge.manifest.warnings[0].startswith("no rgb.txt and depth.txt: images and depth go")
+    for path in root.glob("**/*.png"):  # of the benchmark's own size
+        pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        sets.write_png(path, cv2.resize(pixels, (640, 480), interpolation=cv2.INTER_NEAREST))
+    for path in root.glob("*intrinsic*"):
+        path.unlink()
+
+    with pytest.raises(RecordingError, match="no camera intrinsics are found"):
+        take(root, "tum", overwrite=True)
