@@ -129,7 +129,7 @@ def _add(predicted, true, limits, scale, sums, counts):  # type: ignore[no-untyp
     low, high = limits
     known = np.empty(_BLOCK, dtype=np.float64)
     guessed = np.empty(_BLOCK, dtype=np.float64)
-    unmeasured = 0
+    unmeasured = np.int64(0)
     for first in range(0, true.size, _BLOCK):
         end = min(first + _BLOCK, true.size)
         valid, empty = np.int64(0), np.int64(0)
