@@ -10,6 +10,11 @@ from civil_rgbd.simulator.bridge import GirderBridge, girder_bridge
 from civil_rgbd.simulator.shading import Painter
 from civil_rgbd.simulator.site import Site
 from civil_rgbd.simulator.site_rays import SiteCaster
+from civil_rgbd.simulator.sites.box_girder import box_girder_site
+from civil_rgbd.simulator.sites.frame import frame_site
+from civil_rgbd.simulator.sites.girder import girder_site
+from civil_rgbd.simulator.sites.slab import slab_site
+from civil_rgbd.simulator.sites.underpass import underpass_site
 from civil_rgbd.simulator.spec import ScanSpec
 
 
@@ -17,7 +22,14 @@ def _demo(_seed: int) -> Site:
     return Site(girder_bridge(GirderBridge(), name="demo"))
 
 
-SITES: Final[dict[str, Callable[[int], Site]]] = {"demo": _demo}
+SITES: Final[dict[str, Callable[[int], Site]]] = {
+    "demo": _demo,
+    "B1": girder_site,
+    "B2": underpass_site,
+    "B3": slab_site,
+    "B4": box_girder_site,
+    "B5": frame_site,
+}
 """What makes each site from the seed of its clutter, cars and people."""
 
 

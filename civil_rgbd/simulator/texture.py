@@ -49,8 +49,26 @@ MATERIALS: Final = {
     "bark": Material((0.16, 0.11, 0.07), 1.0, 25),
     "rubber": Material((0.05, 0.05, 0.05), 1.0, 8, 0.1),
     "sign": Material((0.85, 0.62, 0.04), 1.0, 180, 0.0),
+    "aged": Material((0.44, 0.41, 0.36), 3.5, 55, 0.8),
+    "soffit": Material((0.50, 0.48, 0.44), 3.2, 60, 0.6),
+    "spall": Material((0.46, 0.38, 0.30), 0.8, 45, 0.2),
+    "steel": Material((0.16, 0.27, 0.21), 2.0, 40, 0.5),
+    "galvanised": Material((0.42, 0.43, 0.44), 1.0, 90, 0.2),
+    "gravel": Material((0.40, 0.37, 0.32), 2.0, 45, 0.4),
+    "brick": Material((0.40, 0.20, 0.14), 1.6, 50, 0.4),
+    "bush": Material((0.05, 0.09, 0.03), 1.5, 25, 0.4),
+    "leaf": Material((0.17, 0.29, 0.07), 1.5, 40, 0.6),
+    "glass": Material((0.06, 0.07, 0.08), 2.0, 5, 0.1),
+    "white": Material((0.80, 0.80, 0.78), 2.0, 160, 0.05),
+    "silver": Material((0.45, 0.46, 0.48), 2.0, 110, 0.05),
+    "dark": Material((0.07, 0.07, 0.08), 2.0, 9, 0.05),
+    "red": Material((0.50, 0.06, 0.05), 2.0, 70, 0.05),
+    "blue": Material((0.07, 0.13, 0.35), 2.0, 40, 0.05),
+    "orange": Material((0.80, 0.30, 0.04), 2.0, 120, 0.05),
+    "cloth": Material((0.48, 0.44, 0.36), 1.0, 60, 0.1),
+    "skin": Material((0.50, 0.33, 0.25), 1.0, 80, 0.0),
 }
-"""Every material that a face can be made of."""
+"""Every material that a face can be made of. New ones go last: a tile's seed is its place."""
 
 
 def noise(rng: np.random.Generator, *, size_px: int, cells: tuple[int, int]) -> NDArray[np.float32]:
@@ -143,6 +161,41 @@ def _plain(rng: np.random.Generator) -> NDArray[np.float32]:
     return 0.02 * octaves(rng, start=8, count=3)
 
 
+def _aged(rng: np.random.Generator) -> NDArray[np.float32]:
+    shade = _wall(rng)
+    blotches = octaves(rng, start=3, count=5)
+    crust = np.clip(blotches * 2 - np.float32(0.6), 0, 1)  # lime that came out of cracks
+    return shade - np.float32(0.16) * np.maximum(blotches, 0) + np.float32(0.35) * crust
+
+
+def _soffit(rng: np.random.Generator) -> NDArray[np.float32]:
+    shade = _joints(_concrete(rng, boards=24, across=True), 512, 0.18)
+    damp = octaves(rng, start=2, count=5)
+    return shade - np.float32(0.22) * np.clip(damp * 2 - np.float32(0.4), 0, 1)
+
+
+def _broken(rng: np.random.Generator) -> NDArray[np.float32]:
+    return 0.35 * octaves(rng, start=12, count=5, gain=0.75)
+
+
+def _painted_steel(rng: np.random.Generator) -> NDArray[np.float32]:
+    shade = 0.06 * octaves(rng, start=4, count=5)
+    rust = np.clip(octaves(rng, start=6, count=5) * 3 - np.float32(1.5), 0, 1)
+    return shade + np.float32(0.5) * rust
+
+
+def _brick(rng: np.random.Generator) -> NDArray[np.float32]:
+    course, brick = TILE_PX // 16, TILE_PX // 8
+    row, column = np.divmod(np.arange(TILE_PX * TILE_PX), TILE_PX)
+    layer = row // course
+    shifted = column + (layer % 2) * (brick // 2)
+    shades = rng.uniform(-0.2, 0.2, (16, 8)).astype(np.float32)
+    shade = shades[layer, shifted // brick % 8]
+    joint = (row % course < 3) | (shifted % brick < 3)  # texels of mortar
+    shade = np.where(joint, np.float32(0.5), shade).reshape(TILE_PX, TILE_PX)
+    return shade + 0.1 * octaves(rng, start=16, count=4)
+
+
 _SHADES: Final[dict[str, Callable[[np.random.Generator], NDArray[np.float32]]]] = {
     "wall": _wall,
     "slab": _slab,
@@ -154,12 +207,20 @@ _SHADES: Final[dict[str, Callable[[np.random.Generator], NDArray[np.float32]]]] 
     "bark": _bark,
     "rubber": _plain,
     "sign": _plain,
+    "aged": _aged,
+    "soffit": _soffit,
+    "spall": _broken,
+    "steel": _painted_steel,
+    "gravel": _road,
+    "brick": _brick,
+    "bush": _leafy,
+    "leaf": _leafy,
 }
 
 
 def _tile(material: str, rng: np.random.Generator) -> NDArray[np.float32]:
     """Return (TILE_PX, TILE_PX, 3) albedo; row 0 is the lower end."""
-    shade = 1 + _SHADES[material](rng)
+    shade = 1 + _SHADES.get(material, _plain)(rng)
     tint = 1 + 0.05 * octaves(rng, start=2, count=3)[..., np.newaxis] * [1.0, 0.2, -1.0]
     colour = np.asarray(MATERIALS[material].colour)
     albedo = np.clip(shade[..., np.newaxis] * tint * colour, 0.01, 1.0)

@@ -1,0 +1,1 @@
+"""Five bridges of different construction, drawn in metres, with everything about them."""
