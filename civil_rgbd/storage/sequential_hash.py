@@ -6,7 +6,8 @@ import hashlib
 import io
 from dataclasses import dataclass, field
 
-from civil_rgbd.storage.range_file import BLOCK_BYTES, RangeFile
+from civil_rgbd.storage import range_file
+from civil_rgbd.storage.range_file import RangeFile
 from civil_rgbd.storage.remote_path import RemotePath
 
 
@@ -20,7 +21,7 @@ class SequentialHash:
     def __init__(self, path: RemotePath) -> None:
         size_bytes, etag = path.pinned or (0, None)
         self._digest, self._next = hashlib.sha256(), 0
-        self._last = -(-size_bytes // BLOCK_BYTES)
+        self._last = -(-size_bytes // range_file.BLOCK_BYTES)
         self._file = RangeFile(path.url, size_bytes, etag)
 
     def take(self, number: int, block: bytes) -> None:
@@ -37,9 +38,9 @@ class SequentialHash:
         return self._digest.hexdigest()
 
     def _catch_up(self, until: int) -> None:
-        self._file.seek(self._next * BLOCK_BYTES)
+        self._file.seek(self._next * range_file.BLOCK_BYTES)
         for _ in range(self._next, until):
-            self._digest.update(self._file.read(BLOCK_BYTES))
+            self._digest.update(self._file.read(range_file.BLOCK_BYTES))
         self._next = max(self._next, until)
 
 

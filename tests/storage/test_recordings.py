@@ -68,7 +68,6 @@ def in_small_chunks(source: BinaryIO, file: BinaryIO) -> None:
 def remote(scan: Path, bucket: RemotePath, monkeypatch: pytest.MonkeyPatch) -> RemotePath:
     """The same scan in a bucket, in blocks so small that there are many."""
     monkeypatch.setattr(range_file, "BLOCK_BYTES", 1 << 14)
-    monkeypatch.setattr("civil_rgbd.storage.sequential_hash.BLOCK_BYTES", 1 << 14)
     monkeypatch.setattr(range_file, "KEPT_BLOCKS", 4096)
     forget_ranges()
     path = bucket / "scan.mcap"

@@ -82,7 +82,7 @@ def test_conditions_hold(bucket: RemotePath) -> None:
     url = (bucket / "lock").url
     etag = ask("write_on", url, b"one", None)
 
-    with pytest.raises(ConditionError, match="exists|condition"):
+    with pytest.raises(ConditionError, match=r"exists|condition"):
         ask("write_on", url, b"two", None)
     with pytest.raises(ConditionError, match="condition"):
         ask("write_on", url, b"two", '"0123"')
