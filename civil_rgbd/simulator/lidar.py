@@ -20,7 +20,7 @@ from civil_rgbd.simulator.site import Site
 from civil_rgbd.simulator.site_rays import Hits
 from civil_rgbd.simulator.spec import ScanSpec
 from civil_rgbd.simulator.texture import MATERIALS
-from civil_rgbd.simulator.walk import START_NS, T_IMU_LIDAR, imu_poses
+from civil_rgbd.simulator.walk import START_NS, T_IMU_LIDAR, dense_imu_poses, imu_poses
 from civil_rgbd.simulator.waves import cosine, sine
 
 MESSAGE_NS: Final = NS_PER_S // 10
@@ -116,8 +116,8 @@ def simulate_scan(spec: ScanSpec, index: int) -> LivoxScan:
         share = return_probability(strength, range_at_10_percent_m=spec.range_at_10_percent_m)
         returned &= rng.random(count) < share
     if spec.beam_width_deg:
-        beside_m = look.along(_beside(beams, spec.beam_width_deg, rng)).distances
-        range_m, tagged = _mixed(range_m, hits.distances, beside_m, rng)
+        beside = look.along(_beside(beams, spec.beam_width_deg, rng))
+        range_m, tagged = _mixed(range_m, hits, beside, spec.beam_width_deg, rng)
         noise |= returned & tagged
     returned &= range_m >= spec.min_range_m
     return LivoxScan(
@@ -144,7 +144,9 @@ class _Look:
     def __init__(self, spec: ScanSpec, stamps_ns: NDArray[np.int64]) -> None:
         self._caster = caster_for(spec)
         self._t_s = (stamps_ns - START_NS) / NS_PER_S
-        translations, self._quaternions = imu_poses(spec, stamps_ns)
+        # The demo's points keep their last bit.
+        poses = imu_poses if self._caster.site.path is None else dense_imu_poses
+        translations, self._quaternions = poses(spec, stamps_ns)
         # T_IMU_LIDAR does not turn: LiDAR directions are IMU directions.
         mount = np.broadcast_to(T_IMU_LIDAR[:3, 3], translations.shape)
         here = translations - np.asarray(spec.map_offset_m)
@@ -185,13 +187,16 @@ def _beside(
 
 def _mixed(
     range_m: NDArray[np.float64],
-    true_m: NDArray[np.float64],
-    beside_m: NDArray[np.float64],
+    hits: Hits,
+    beside: Hits,
+    height_deg: float,
     rng: np.random.Generator,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Mix ranges whose footprint spans an edge: (N,) ranges, (N,) which of them are tagged."""
-    step_m = beside_m - true_m
-    mixed = (true_m > 0) & (beside_m > 0)
-    mixed &= (np.abs(step_m) > _SMALLEST_STEP_M) & (np.abs(step_m) < _PULSE_M)
+    step_m = beside.distances - hits.distances
+    # A plane that slants spans many ranges, too, and is no edge.
+    slant = (height_deg / 180 * np.pi) * hits.distances / np.maximum(hits.cosines, 1e-3)
+    mixed = (hits.triangles != SKY) & (beside.triangles != SKY)
+    mixed &= (np.abs(step_m) > _SMALLEST_STEP_M + slant) & (np.abs(step_m) < _PULSE_M)
     share, tagged = rng.random(len(range_m)), rng.random(len(range_m)) < _TAGGED_SHARE
     return np.where(mixed, range_m + share * step_m, range_m), mixed & tagged

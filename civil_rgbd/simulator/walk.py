@@ -35,6 +35,7 @@ _START_TURNS = 0.102  # of the oval: some 11 m before the middle of the bridge
 _CHEST_M = 1.45
 
 _DIFFERENCE_NS = 1_000_000
+_GRID_NS = 100_000  # within it a carried sensor moves and turns evenly
 _GRAVITY_M_S2 = 9.80665
 
 
@@ -78,6 +79,30 @@ def _stroll(
     roll = 0.015 + 0.012 * moving * sine(gait / 2 + 0.4)
     turns = chain_turns(ahead, turn_about(2, yaw), turn_about(1, -up), turn_about(0, roll))
     return np.stack([x, y, z], axis=1), turns
+
+
+def dense_imu_poses(
+    spec: ScanSpec, stamps_ns: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return :func:`imu_poses` at stamps that follow each other closely, several times as fast.
+
+    Args:
+        spec: the scan.
+        stamps_ns: (N,) int64, ascending, LiDAR clock.
+
+    Returns:
+        as :func:`imu_poses` does, the same within 1e-8 m and 1e-8 rad.
+    """
+    since, first = stamps_ns - stamps_ns[0], int(stamps_ns[0])
+    grid = first + np.arange(since[-1] // _GRID_NS + 2, dtype=np.int64) * _GRID_NS
+    places, turns = imu_poses(spec, grid)
+    before, rest = np.divmod(since, _GRID_NS)
+    share = (rest / _GRID_NS)[:, np.newaxis]
+    # w may change its sign between two poses of the grid, which are next to each other.
+    ahead = np.where((turns[:-1] * turns[1:]).sum(axis=1, keepdims=True) < 0, -turns[1:], turns[1:])
+    steps = np.diff(places, axis=0), ahead - turns[:-1]
+    between = turns[before] + share * steps[1][before]
+    return places[before] + share * steps[0][before], _unit(between)
 
 
 def imu_readings(
