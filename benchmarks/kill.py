@@ -34,7 +34,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         scan = ["--seconds", str(given.seconds), "--image-scale", "0.2", "--image-rate-hz", "30"]
-        _run(["simulate", *scan, "--point-rate-hz", "40000", str(folder / "scan.mcap")])
+        _run(["simulate", *scan, "--point-rate-hz", "48000", str(folder / "scan.mcap")])
         recipe = ["--recipe", "250k-all", "--set", "accumulate.points=20000"]
         build = ["build", *recipe, "--executor", given.executor, str(folder / "scan.mcap"), "--out"]
         started = time.monotonic()

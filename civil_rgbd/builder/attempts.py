@@ -63,7 +63,7 @@ def run_tasks(
             yield event
             if isinstance(event, Finished):
                 continue
-            if isinstance(event, Raised) and _is_final(event.error):
+            if isinstance(event, Raised) and event.error and _is_final(event.error):
                 yield Failed(event.task, event.error)
                 continue
             causes[event.task].append(event.cause)
@@ -87,9 +87,9 @@ def _start(
     return started
 
 
-def _is_final(error: CivilRgbdError | None) -> bool:
+def _is_final(error: CivilRgbdError) -> bool:
     # What a recording or a recipe lacks, it lacks the next time too. A disk may have hiccups.
-    return error is not None and not isinstance(error, OutputError)
+    return not isinstance(error, OutputError)
 
 
 def _given_up(event: Lost | Raised, causes: list[str], jobs: Sequence[Job]) -> CivilRgbdError:

@@ -18,6 +18,7 @@ from civil_rgbd.builder.originals import Fingerprint, fingerprint
 from civil_rgbd.builder.provenance import PIXEL_PACKAGES
 from civil_rgbd.errors import BuildError, UsageError
 from civil_rgbd.format.atomic import writing
+from civil_rgbd.storage.places import Place, is_remote
 
 _CONNECT_S: Final = 5
 _FIRST_WORKER_S: Final = 30
@@ -88,7 +89,7 @@ def _client_of(scheduler: str) -> Client:
         ) from error
 
 
-def refuse_unfit(client: Client, dataset: Path, files: Sequence[Fingerprint]) -> None:
+def refuse_unfit(client: Client, dataset: Place, files: Sequence[Fingerprint]) -> None:
     """Refuse a cluster whose workers would not do the same work on the same data.
 
     Args:
@@ -101,7 +102,8 @@ def refuse_unfit(client: Client, dataset: Path, files: Sequence[Fingerprint]) ->
     """
     _refuse_other_versions(client)
     _refuse_other_files(client, files)
-    _refuse_other_folder(client, dataset)
+    if not is_remote(dataset):  # an object's address is the same everywhere
+        _refuse_other_folder(client, dataset)
 
 
 def _refuse_other_versions(client: Client) -> None:

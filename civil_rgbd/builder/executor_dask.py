@@ -34,11 +34,12 @@ from civil_rgbd.builder.originals import fingerprint
 from civil_rgbd.builder.provenance import software
 from civil_rgbd.domain.bridge import Software
 from civil_rgbd.errors import BridgeFailedError
+from civil_rgbd.storage.places import is_remote
 
 _LOOK_EVERY_S: Final = 5.0  # a cluster grows and shrinks, and may lose a chunk without a word
 
 
-class JobsPlugin(WorkerPlugin):
+class JobsPlugin(WorkerPlugin):  # type: ignore[misc]  # distributed publishes no stubs
     """Brings the jobs to every worker once; also to those that join later."""
 
     def __init__(self, name: str, jobs: PackedJobs, software: Software) -> None:
@@ -101,6 +102,8 @@ def _refuse_other_files(job: Job) -> None:
 
 def _still_wanted(job: Job) -> Callable[[], None]:
     """Return what stops a chunk when its build was thrown away: nobody could tell this worker."""
+    if is_remote(job.partial):
+        return lambda: None  # looking would cost a request a frame
     path = job.partial / IDENTITY
     before = path.read_bytes()
 

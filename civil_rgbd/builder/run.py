@@ -29,7 +29,7 @@ from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.errors import BridgeFailedError, CivilRgbdError
 from civil_rgbd.format.layout import PARTIAL
-from civil_rgbd.storage.places import Place
+from civil_rgbd.storage.places import Place, is_remote
 
 Progress = Callable[[int, int], object]
 """Called with the frames just finished (fewer than 0 where some are lost) and the frames in all."""
@@ -128,6 +128,8 @@ class _Run:
     ) -> None:
         self._orders, self._options = orders, options
         self._name = "dask" if options.scheduler else options.executor  # None: not chosen yet
+        if self._name == "dask" and not is_remote(dataset):
+            dataset = dataset.absolute()  # workers run in folders of their own
         self._manner = Manner(
             recipe=recipe,
             dataset=dataset,

@@ -90,7 +90,7 @@ def read_survey(path: Path) -> tuple[SurveyEntry, ...]:
 
 def _refuse_unknown(document: Mapping[str, Any], where: Path) -> None:
     top = load_schema("survey")["properties"]
-    tables = [("the survey", document, top)]
+    tables: list[tuple[str, Any, Mapping[str, Any]]] = [("the survey", document, top)]
     tables.append(("[defaults]", document.get("defaults"), top["defaults"]["properties"]))
     bridges = document.get("bridge")
     for number, one in enumerate(bridges if isinstance(bridges, list) else (), 1):

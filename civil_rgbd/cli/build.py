@@ -56,6 +56,7 @@ if TYPE_CHECKING:
 @click.pass_context
 def command(  # the options of a build are many: most are handed on as they are
     context: click.Context,
+    /,
     sources: tuple[str, ...],
     *,
     recipe_name: str,
@@ -84,21 +85,30 @@ def command(  # the options of a build are many: most are handed on as they are
 
     from civil_rgbd.builder.recipes import load_recipe, overrides_of
     from civil_rgbd.builder.run import build_bridges, only_report
-    from civil_rgbd.cli.orders import order_of, orders_of_survey, refuse_beside_survey
+    from civil_rgbd.cli.orders import (
+        order_of,
+        orders_of_survey,
+        refuse_beside_survey,
+        seen_from_elsewhere,
+    )
     from civil_rgbd.cli.progress import frame_bar
     from civil_rgbd.storage.places import place_of
 
     recipe, folder = load_recipe(recipe_name, settings), place_of(dataset)
     options = options_from(workers=workers, executor=executor, scheduler=scheduler, chunk=chunk)
     options = replace(options, overwrite=overwrite, overrides=overrides_of(settings))
+    elsewhere = options.executor == "dask"
     is_survey = len(sources) == 1 and sources[0].lower().endswith(".toml")
     if is_survey:
         refuse_beside_survey(context, ["bridge_info", "licence", "rig_path", *recording_options])
-        orders = orders_of_survey(Path(sources[0]), only=bridge_id, hashed=not no_source_hash)
+        file = Path(sources[0]).absolute() if elsewhere else Path(sources[0])
+        orders = orders_of_survey(file, only=bridge_id, hashed=not no_source_hash)
     else:
         info = _info(sources, bridge_id, folder, bridge_info=bridge_info, licence=licence)
         files = sources or (_demo_recording(),)
         reading = {**recording_options, "source_hash": not no_source_hash}
+        if elsewhere:
+            files, reading = seen_from_elsewhere(files, reading)
         orders = [order_of(files, info, rig_path=rig_path, reading=reading)]
     title = Path(sources[0]).stem if is_survey else orders[0].info.bridge_id
     with frame_bar(title) as on_progress, _saying_what_is_kept():

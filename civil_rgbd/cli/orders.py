@@ -64,6 +64,23 @@ def order_of(
     return Order(info, open_now, files=(*files, *beside), sha256=tuple(sha256))
 
 
+def seen_from_elsewhere(
+    sources: Sequence[str], reading: Mapping[str, Any]
+) -> tuple[tuple[str, ...], dict[str, Any]]:
+    """Make paths absolute: workers of a cluster run in folders of their own.
+
+    Args:
+        sources: paths or addresses.
+        reading: values of options by name; paths are among them.
+    """
+    there = (str(Path(one).absolute()) if Path(one).exists() else one for one in sources)
+    options = {
+        name: value.absolute() if isinstance(value, Path) else value
+        for name, value in reading.items()
+    }
+    return tuple(there), options
+
+
 def orders_of_survey(path: Path, *, only: str | None, hashed: bool = True) -> list[Order]:
     """Order the bridges of a survey file.
 

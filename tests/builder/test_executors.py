@@ -16,6 +16,7 @@ import pytest
 from civil_rgbd.builder.bridge_build import Order
 from civil_rgbd.builder.executors import require_dask
 from civil_rgbd.builder.run import BuildOptions, build_bridge, build_bridges
+from civil_rgbd.cli import main
 from civil_rgbd.domain.bridge import BridgeInfo
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
@@ -27,6 +28,7 @@ from civil_rgbd.errors import (
     UsageError,
 )
 from civil_rgbd.format.layout import BRIDGES
+from civil_rgbd.simulator.recorder import write_recording
 from civil_rgbd.simulator.recording import SimulatedRecording
 
 from .conftest import INFO, contents
@@ -149,11 +151,13 @@ def test_dask_that_is_not_installed_is_said(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def dask(*arguments: str, **environment: str) -> subprocess.Popen[bytes]:
+    # In another folder than the build: relative paths lead elsewhere there.
     return subprocess.Popen(
         [sys.executable, "-m", "dask", *arguments, "--no-dashboard"],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         env=os.environ | environment,
+        cwd="/",
     )
 
 
@@ -186,6 +190,23 @@ def test_a_running_cluster_gives_the_same_bytes(
     build_bridge(recording, recipe, tmp_path, INFO, options)
 
     assert contents(tmp_path) == built
+
+
+@pytest.mark.slow
+def test_relative_paths_lead_to_the_same_files_on_a_cluster(
+    recording: SimulatedRecording,
+    scheduler: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_recording(Path("scan.mcap"), recording.spec)
+    build = ["build", "--set", "accumulate.points=8000", "scan.mcap", "--out"]
+
+    assert main([*build, "there", "--scheduler", scheduler]) == 0
+    assert main([*build, "here", "--workers", "1"]) == 0
+
+    assert contents(tmp_path / "there") == contents(tmp_path / "here")
 
 
 @pytest.mark.slow

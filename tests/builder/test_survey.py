@@ -71,7 +71,15 @@ def test_a_survey_knows_every_option_of_the_command_line() -> None:
     from civil_rgbd.cli.build import command
 
     elsewhere = {"sources", "recipe_name", "settings", "bridge_id", "dataset", "workers"}
-    elsewhere |= {"executor", "scheduler", "chunk", "overwrite", "as_json", "help"}
+    elsewhere |= {
+        "executor",
+        "scheduler",
+        "chunk",
+        "overwrite",
+        "as_json",
+        "help",
+        "no_source_hash",
+    }
     options = {parameter.name for parameter in command.params} - elsewhere
     properties = load_schema("survey")["properties"]
     keys = set(properties["bridge"]["items"]["properties"]) - {"id", "source", "sha256"}
