@@ -16,7 +16,9 @@ import numpy as np
 from civil_rgbd.errors import OutputError, UsageError
 from civil_rgbd.simulator.bag_file import write_bag
 from civil_rgbd.simulator.camera import raw_camera, simulate_jpeg
+from civil_rgbd.simulator.drift import recorded_imu_poses
 from civil_rgbd.simulator.encodings import CdrMessage, Encoding, Ros1Message
+from civil_rgbd.simulator.imu import recorded_imu
 from civil_rgbd.simulator.lidar import MESSAGE_NS, scan_stamps_ns, simulate_scan
 from civil_rgbd.simulator.mcap_file import write_mcap
 from civil_rgbd.simulator.messages import (
@@ -40,9 +42,6 @@ from civil_rgbd.simulator.walk import (
     START_NS,
     T_IMU_LIDAR,
     image_instants_ns,
-    imu_poses,
-    imu_readings,
-    pose_stamps_ns,
     stated_mount,
 )
 
@@ -171,15 +170,15 @@ def _static_transforms(spec: ScanSpec, message: Encoding) -> Iterator[Message]:
 
 
 def _odometry(spec: ScanSpec, new: New) -> Iterator[Message]:
-    stamps = pose_stamps_ns(spec)
     frames = (MAP_FRAME, IMU_FRAME)
-    for stamp, place, turn in zip(stamps.tolist(), *imu_poses(spec, stamps), strict=True):
+    stamps, places, turns = recorded_imu_poses(spec)
+    for stamp, place, turn in zip(stamps.tolist(), places, turns, strict=True):
         yield stamp, ODOMETRY, odometry_message(new(), stamp, frames, place, turn)
 
 
 def _imu(spec: ScanSpec, new: New) -> Iterator[Message]:
-    stamps = pose_stamps_ns(spec)
-    for stamp, rate, force in zip(stamps.tolist(), *imu_readings(spec, stamps), strict=True):
+    stamps, rates, forces = recorded_imu(spec)
+    for stamp, rate, force in zip(stamps.tolist(), rates, forces, strict=True):
         yield stamp, IMU, imu_message(new(), stamp, IMU_FRAME, rate, force)
 
 

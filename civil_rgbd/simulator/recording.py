@@ -23,14 +23,13 @@ from civil_rgbd.errors import UsageError
 from civil_rgbd.geometry.trajectory import Trajectory
 from civil_rgbd.geometry.transforms import compose
 from civil_rgbd.simulator.camera import raw_camera, simulate_jpeg
+from civil_rgbd.simulator.drift import recorded_imu_poses
+from civil_rgbd.simulator.imu import recorded_imu
 from civil_rgbd.simulator.lidar import MESSAGE_NS, scan_stamps_ns, simulate_scan
 from civil_rgbd.simulator.spec import ScanSpec, spec_from_location
 from civil_rgbd.simulator.walk import (
     T_IMU_LIDAR,
     image_instants_ns,
-    imu_poses,
-    imu_readings,
-    pose_stamps_ns,
     stated_T_lidar_camera,
 )
 
@@ -90,9 +89,8 @@ class SimulatedRecording:
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """The true ``T_map_imu``, 200 Hz."""
-        stamps = pose_stamps_ns(self.spec)
-        return Trajectory(stamps, *imu_poses(self.spec, stamps))
+        """``T_map_imu``, 200 Hz: the true one, or with the spec's drift."""
+        return Trajectory(*recorded_imu_poses(self.spec))
 
     @cached_property
     def image_stamps_ns(self) -> NDArray[np.int64]:
@@ -112,8 +110,7 @@ class SimulatedRecording:
     @cached_property
     def imu(self) -> ImuReadings:
         """Everything that the IMU measured: forces in g, as Livox gives them."""
-        stamps_ns = pose_stamps_ns(self.spec)
-        return ImuReadings(stamps_ns, *imu_readings(self.spec, stamps_ns), IMU_FRAME)
+        return ImuReadings(*recorded_imu(self.spec), IMU_FRAME)
 
     @property
     def T_imu_lidar(self) -> NDArray[np.float64]:

@@ -56,7 +56,7 @@ def imu_poses(
     how = Carrying(spec.speed_m_s, spec.stands_s, spec.sway, spec.seed)
     path = site_for(spec).path
     place, quaternions = _stroll(t, how) if path is None else carried(path, how, t)
-    return place + np.asarray(spec.map_offset_m), _unit(quaternions)
+    return place + np.asarray(spec.map_offset_m), unit_twice(quaternions)
 
 
 def _stroll(
@@ -102,7 +102,7 @@ def dense_imu_poses(
     ahead = np.where((turns[:-1] * turns[1:]).sum(axis=1, keepdims=True) < 0, -turns[1:], turns[1:])
     steps = np.diff(places, axis=0), ahead - turns[:-1]
     between = turns[before] + share * steps[1][before]
-    return places[before] + share * steps[0][before], _unit(between)
+    return places[before] + share * steps[0][before], unit_twice(between)
 
 
 def imu_readings(
@@ -161,7 +161,7 @@ def stated_mount(spec: ScanSpec) -> tuple[NDArray[np.float64], NDArray[np.float6
     angles = np.radians(np.asarray(spec.extrinsic_error_deg))
     error = chain_turns(*(turn_about(axis, angles[axis : axis + 1]) for axis in range(3)))
     T_camera_stated = transform_from(matrix_from_quaternion(error[0]), spec.extrinsic_error_m)
-    return compose(T_LIDAR_CAMERA, T_camera_stated)[:3, 3], _unit(
+    return compose(T_LIDAR_CAMERA, T_camera_stated)[:3, 3], unit_twice(
         chain_turns(_MOUNT_XYZW, error[0])
     )
 
@@ -172,8 +172,8 @@ def stated_T_lidar_camera(spec: ScanSpec) -> NDArray[np.float64]:
     return transform_from(matrix_from_quaternion(quaternion_xyzw), translation_m)
 
 
-def _unit(quaternions_xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
-    # Twice: a reader that scales them to norm 1 again then changes no bit.
+def unit_twice(quaternions_xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Scale quaternions (..., 4) so that scaling them to norm 1 again changes no bit."""
     return unit_quaternion(unit_quaternion(quaternions_xyzw))
 
 
@@ -181,7 +181,7 @@ def _mount_xyzw() -> NDArray[np.float64]:
     # Optical axes in a body that looks along x: right = -y, down = -z, forward = x.
     axes = quaternion_from_matrix([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     tilts = [turn_about(2, np.array([-0.021])), turn_about(1, np.array([-0.049]))]
-    return _unit(chain_turns(*tilts, turn_about(0, np.array([0.014])), axes[np.newaxis])[0])
+    return unit_twice(chain_turns(*tilts, turn_about(0, np.array([0.014])), axes[np.newaxis])[0])
 
 
 _MOUNT_M: Final = np.array([0.021, 0.034, 0.093])
