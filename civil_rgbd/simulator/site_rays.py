@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -135,6 +136,26 @@ def _near(towards_m: Floats, directions: Floats, radius_m: float) -> NDArray[np.
     return inside | ((along > 0) & (distance2 * square - along * along <= radius_m**2 * square))
 
 
+_Plane = NDArray[np.float32]
+
+
+def _components(points: _Plane, axis: _Plane) -> _Plane:
+    along: _Plane = points[:, 0] * axis[0] + points[:, 1] * axis[1] + points[:, 2] * axis[2]
+    return along
+
+
+def _across(direction: _Plane) -> tuple[_Plane, _Plane]:
+    """Return two unit vectors square to a direction and to each other."""
+    x, y, z = direction.astype(np.float64).tolist()
+    flat = math.hypot(x, y)
+    if flat == 0:
+        return np.array([1, 0, 0], dtype=np.float32), np.array([0, 1, 0], dtype=np.float32)
+    length = math.sqrt(x * x + y * y + z * z)
+    level = np.array([-y / flat, x / flat, 0.0])
+    steep = np.array([-z * x / flat, -z * y / flat, flat]) / length
+    return level.astype(np.float32), steep.astype(np.float32)
+
+
 class InstantCaster:
     """The rays of one instant: movers stand where they are then.
 
@@ -171,9 +192,14 @@ class InstantCaster:
             (N,) int32, :data:`SKY` where a ray meets nothing.
         """
         triangles = self._standing.nearest(origin_m, directions)
+        if self.bodies:
+            x, y, z = (np.ascontiguousarray(directions[:, i]) for i in range(3))
+            squares = x * x + y * y + z * z
         for body in self.bodies:
-            towards = (body.middle_m - origin_m[0]).astype(np.float32)[np.newaxis]
-            maybe = np.flatnonzero(_near(towards, directions, body.radius_m))
+            a, b, c = (body.middle_m - origin_m[0]).astype(np.float32)
+            beyond = a * a + b * b + c * c - np.float32(body.radius_m) ** 2
+            along = x * a + y * b + z * c
+            maybe = np.flatnonzero((along > 0) & (along * along >= squares * beyond))
             if len(maybe):
                 self._put_in(body, origin_m, directions[maybe], maybe, triangles)
         return triangles
@@ -214,16 +240,36 @@ class InstantCaster:
     ) -> NDArray[np.bool_]:
         """Tell for (N, 3) points whether anything lies in the (3,) direction: (N,) bool."""
         hit = self._standing.blocked(origins_m, direction)
-        for body in self.bodies:
-            towards = (body.middle_m - origins_m).astype(np.float32)
-            maybe = np.flatnonzero(_near(towards, direction[np.newaxis], body.radius_m) & ~hit)
-            if len(maybe):
-                start = unplaced(origins_m[maybe] - body.place_m, body.heading)
-                turned = unplaced(direction[np.newaxis].astype(np.float64), body.heading)
-                hit[maybe] = body.caster.blocked(
-                    start.astype(np.float32), turned[0].astype(np.float32)
-                )
+        if self.bodies and len(origins_m):
+            # Seen along the direction, every ball is a disc.
+            first, second = _across(direction)
+            places = (_components(origins_m, first), _components(origins_m, second))
+            ends = [(float(place.min()), float(place.max())) for place in places]
+            for body in self.bodies:
+                self._shade(body, (origins_m, direction), (first, second), (places, ends, hit))
         return hit
+
+    @staticmethod
+    def _shade(
+        body: PlacedBody,
+        rays: tuple[NDArray[np.float32], NDArray[np.float32]],
+        axes: tuple[NDArray[np.float32], NDArray[np.float32]],
+        found: tuple[tuple[_Plane, _Plane], list[tuple[float, float]], NDArray[np.bool_]],
+    ) -> None:
+        (origins_m, direction), (places, ends, hit) = rays, found
+        middle, radius = body.middle_m.astype(np.float32)[np.newaxis], np.float32(body.radius_m)
+        disc = [_components(middle, axis)[0] for axis in axes]
+        if any(
+            at + radius < low or at - radius > high
+            for at, (low, high) in zip(disc, ends, strict=True)
+        ):
+            return
+        u, v = places[0] - disc[0], places[1] - disc[1]
+        maybe = np.flatnonzero((u * u + v * v <= radius * radius) & ~hit)
+        if len(maybe):
+            start = body.inside(origins_m[maybe].astype(np.float64)).astype(np.float32)
+            turned = unplaced(direction[np.newaxis].astype(np.float64), body.heading)
+            hit[maybe] = body.caster.blocked(start, turned[0].astype(np.float32))
 
     def distances(self, origins_m: Floats, directions: Floats) -> tuple[Floats, NDArray[np.int32]]:
         """Return how far along each ray from one place the first surface lies, exactly.
