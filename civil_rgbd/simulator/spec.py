@@ -13,7 +13,7 @@ from urllib.parse import parse_qsl
 from civil_rgbd.errors import UsageError
 from civil_rgbd.resources import nearest
 
-BRIDGES: Final = ("demo",)
+BRIDGES: Final = ("demo", "B1", "B2", "B3", "B4", "B5")
 """The bridges that can be simulated."""
 
 PATTERNS: Final = ("rosette", "avia")
@@ -139,8 +139,8 @@ class ScanSpec:
                 raise ValueError(f"{name} is {value!r}, not between {low:g} and {high:g}")
         if self.point_rate_hz % 60:
             raise ValueError(
-                f"point_rate_hz is {self.point_rate_hz}, not a multiple of 60 "
-                "(10 messages a second, 6 lines)"
+                f"point_rate_hz is {self.point_rate_hz}, not a multiple of 60, such as "
+                f"{max(1, round(self.point_rate_hz / 60)) * 60} (10 messages a second, 6 lines)"
             )
         for name in ("extrinsic_error_deg", "extrinsic_error_m", "map_offset_m"):
             if not all(map(math.isfinite, getattr(self, name))):
@@ -227,7 +227,7 @@ def spec_from_settings(settings: Mapping[str, str | float], *, where: object) ->
         usual = usual_spec(str(values.get("bridge", BRIDGES[0])))
         return replace(usual, **values)  # type: ignore[arg-type]  # converted field by field above
     except ValueError as error:
-        raise UsageError(str(error), where=where, fix="choose a value in that range") from error
+        raise UsageError(str(error), where=where, fix="choose such a value") from error
 
 
 def _converted(name: str, given: str | float, kind: type, *, where: object) -> str | float:
