@@ -18,7 +18,7 @@ from civil_rgbd.builder.originals import Fingerprint, fingerprint
 from civil_rgbd.builder.provenance import PIXEL_PACKAGES
 from civil_rgbd.errors import BuildError, UsageError
 from civil_rgbd.format.atomic import writing
-from civil_rgbd.storage.places import Place, is_remote
+from civil_rgbd.storage.places import Place
 
 _CONNECT_S: Final = 5
 _FIRST_WORKER_S: Final = 30
@@ -102,7 +102,7 @@ def refuse_unfit(client: Client, dataset: Place, files: Sequence[Fingerprint]) -
     """
     _refuse_other_versions(client)
     _refuse_other_files(client, files)
-    if not is_remote(dataset):  # an object's address is the same everywhere
+    if isinstance(dataset, Path):  # an object's address is the same everywhere
         _refuse_other_folder(client, dataset)
 
 
