@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.geometry.camera import LensCamera, PinholeCamera, distort
 from civil_rgbd.simulator.catalogue import caster_for, painter_for
+from civil_rgbd.simulator.exposure import exposed
 from civil_rgbd.simulator.scene import RayCaster
 from civil_rgbd.simulator.site_rays import InstantCaster
 from civil_rgbd.simulator.spec import ScanSpec
@@ -138,6 +139,8 @@ def simulate_jpeg(spec: ScanSpec, image_index: int) -> bytes:
         rng,
         t_s=_instant_s(spec, image_index),
     )
+    instant_ns = int(image_instants_ns(spec)[image_index])
+    rgb = exposed(rgb, spec, instant_ns, camera.pinhole)
     bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
     _, jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, spec.jpeg_quality])
     return bytes(jpeg)
