@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from civil_rgbd.validation.report import Report
 
 
 @click.command("pack")
@@ -25,8 +29,8 @@ def command(
     """Pack a bridge of LOCATION, a dataset folder or one bridge folder, for submission.
 
     Writes the archive, its checksums (FILE.sha256) and a report (FILE with .html). The same folder
-    gives the same bytes. Exit code 1, and nothing written, when the contribution profile is not
-    met: the gaps are listed.
+    gives the same bytes. Exit code 1, and nothing written, when the folder breaks the format or the
+    contribution profile is not met: the errors are listed.
     """
     from contextlib import redirect_stdout
 
@@ -40,7 +44,7 @@ def command(
         report = validate(folder, profile="contribution", progress=on_progress)
     if report.errors:
         print(report.to_text())
-        print("not packed: the contribution profile is not met")
+        print(f"not packed: {_why_not(report)}")
         context.exit(1)
     packed = pack_bridge(folder, archive or default_archive(folder), report)
     print(report.to_text())
@@ -49,3 +53,13 @@ def command(
     print(f"report    {packed.page}")
     print("for the registry, once the archive has an address:")
     print(entry_text(packed.entry), end="")
+
+
+def _why_not(report: Report) -> str:
+    """Say whether the folder itself is at fault, or what people have to state of it."""
+    codes = [finding.code for finding in report.findings if finding.level == "error"]
+    broken = list(dict.fromkeys(code for code in codes if not code.startswith("contribution-")))
+    why = ["the contribution profile is not met"] if len(broken) < len(set(codes)) else []
+    if broken:
+        why.insert(0, f"the folder is damaged or was changed by hand ({', '.join(broken)})")
+    return "; ".join(why)

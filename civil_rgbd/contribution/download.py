@@ -18,7 +18,7 @@ from civil_rgbd.contribution.registry import (
     shipped_registry,
 )
 from civil_rgbd.contribution.unpack import unpack_bridge
-from civil_rgbd.errors import DownloadError, OutputError
+from civil_rgbd.errors import DownloadError, FormatError, OutputError
 from civil_rgbd.format.atomic import (
     folder_lock,
     publish_folder,
@@ -147,7 +147,11 @@ def _unpacked(archive: Path, entry: RegistryEntry, partial: Path) -> Iterator[Pa
             shutil.rmtree(aside)  # of a download that was killed
         aside.mkdir()
     try:
-        unpack_bridge(archive, entry.id, aside / entry.id)
+        try:
+            unpack_bridge(archive, entry.id, aside / entry.id)
+        except FormatError as error:
+            # The archive goes: what is left to look at is where it came from.
+            raise FormatError(error.what, where=entry.where, fix=error.fix) from error
         yield aside / entry.id
     finally:
         shutil.rmtree(aside, ignore_errors=True)

@@ -104,8 +104,8 @@ def pack_bridge(folder: Path, archive: Path, report: Report) -> Packed:
     """
     if report.errors:
         raise UsageError(
-            f"the bridge does not meet the contribution profile (errors: {report.errors}): it is "
-            "not packed",
+            f"the bridge is damaged or does not meet the contribution profile (errors: "
+            f"{report.errors}): it is not packed",
             where=folder,
             fix="civil-rgbd validate --profile contribution lists them",
         )

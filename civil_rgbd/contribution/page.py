@@ -265,7 +265,8 @@ def _counts(bridge: Bridge) -> Iterator[tuple[str, str]]:
         mean, most = counts.mean_newest_age_s, counts.max_newest_age_s
         yield "image to newest point", f"{mean:.3f} s on average, {most:.3f} s at most"
     if counts.frames_with_old_points:
-        yield f"frames without a point within {OLD_POINTS_S} s", f"{counts.frames_with_old_points}"
+        old = f"{counts.frames_with_old_points} of {counts.frames_kept} frames"
+        yield "old points", f"{old} have no point within {OLD_POINTS_S} s of their image"
     first, last = bridge.rows[0].stamp_ns, bridge.rows[-1].stamp_ns
     yield "stamps", f"{_time_words(first)} to {_time_words(last)}"
 

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator
 
 from civil_rgbd.domain.bridge import BridgeInfo, Contribution, Manifest
+from civil_rgbd.geometry.words import extrinsics_in_words, mounting_in_words
 
 _NOT_SAID = "not said"
 
@@ -56,12 +57,13 @@ def _sensors(manifest: Manifest) -> Iterator[tuple[str, str]]:
         yield "rig", "not recorded: the depth was not rendered here"
         return
     pinhole = rig.camera.pinhole
-    x, y, z = (float(value) for value in rig.T_lidar_camera[:3, 3])
     yield "LiDAR", rig.lidar_name
     size = f"{pinhole.width_px} x {pinhole.height_px}"
     focal = f"fx {pinhole.fx_px:.1f}, fy {pinhole.fy_px:.1f} px"
     yield "camera", f"{rig.camera_name}: {size}, {focal}, lens {rig.camera.lens}"
-    yield "camera in the LiDAR frame", f"at ({x:.3f}, {y:.3f}, {z:.3f}) m"
+    yield "camera in the LiDAR frame", extrinsics_in_words(rig.T_lidar_camera)
+    body = f"body of the poses ({rig.body})"
+    yield "LiDAR on the body", mounting_in_words(rig.T_body_lidar, what="LiDAR", seen_from=body)
     yield "camera's clock", f"{rig.camera_time_offset_s:+.6f} s to the LiDAR's"
 
 

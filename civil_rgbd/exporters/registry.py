@@ -69,7 +69,7 @@ def export(
         overwrite: replace an older export; never any other folder.
 
     Raises:
-        UsageError: there is no such exporter.
+        UsageError: there is no such exporter, or its depth would mostly be lost.
         OutputError: the folder exists, or cannot be written.
         FormatError: a frame is damaged.
         MissingExtraError: the layout needs a package that is not installed.
@@ -116,15 +116,31 @@ def _refuse_what_is_there(folder: Path, *, overwrite: bool) -> None:
 
 def _write(chosen: Sequence[Chosen], name: str, folder: Path, options: ExportOptions) -> list[str]:
     if name in ALL_AT_ONCE:
-        return ALL_AT_ONCE[name](folder, chosen, options).to_lines()
+        losses = ALL_AT_ONCE[name](folder, chosen, options)
+        _refuse_lost_depth([losses], options)
+        return losses.to_lines()
     write = ONE_BY_ONE[name]
     if len(chosen) == 1:
-        return write(folder, chosen[0], options).to_lines()
-    return [
-        f"{one.bridge_id}: {line}"
-        for one in chosen
-        for line in write(folder / one.bridge_id, one, options).to_lines()
-    ]
+        losses = write(folder, chosen[0], options)
+        _refuse_lost_depth([losses], options)
+        return losses.to_lines()
+    every = [write(folder / one.bridge_id, one, options) for one in chosen]
+    _refuse_lost_depth(every, options)
+    pairs = zip(chosen, every, strict=True)
+    return [f"{one.bridge_id}: {line}" for one, losses in pairs for line in losses.to_lines()]
+
+
+def _refuse_lost_depth(every: Sequence[Losses], options: ExportOptions) -> None:
+    """Refuse an export without depth, and one that loses most of it by what the user asked for."""
+    kept = sum(losses.kept_pixels for losses in every)
+    lost = sum(losses.beyond_pixels + losses.below_pixels for losses in every)
+    if lost and (not kept or (options.depth_scale and lost > kept)):
+        raise UsageError(
+            f"{lost:,} of {kept + lost:,} depths do not fit into 16 bits and would be lost",
+            where=f"--depth-scale {options.depth_scale:g}" if options.depth_scale else "--to",
+            fix="give another --depth-scale: 65534 divided by the furthest depth in metres, or "
+            "less; it is for tum alone",
+        )
 
 
 def _write_marker(path: Path, chosen: Sequence[Chosen], report: ExportReport) -> None:

@@ -26,6 +26,7 @@ CAMERA: Final = Intrinsics(525.0, 525.0, 319.5, 239.5, width_px=640, height_px=4
 """The set that the benchmark's page recommends for all its sequences, without undistortion."""
 
 LAYOUT: Final = Layout("tum", scale=5000.0, usual_camera=CAMERA)
+_LISTS: Final = ("rgb.txt", "depth.txt")
 _ASSOCIATIONS: Final = ("associations.txt", "associate.txt", "association.txt", "assoc.txt")
 
 
@@ -42,7 +43,7 @@ def open_set(source: Path, options: ImportOptions) -> RenderedSet:
         RecordingError: something is missing, or does not fit.
     """
     root = _root(source)
-    lists = [root / "rgb.txt", root / "depth.txt"]
+    lists = [root / name for name in _LISTS]
     joint = next((root / name for name in _ASSOCIATIONS if (root / name).is_file()), None)
     if all(path.is_file() for path in lists):
         rgb, depth = (_listed(path) for path in lists)
@@ -82,10 +83,9 @@ def open_set(source: Path, options: ImportOptions) -> RenderedSet:
 
 def _root(source: Path) -> Path:
     require_folder(source)
-    names = ("rgb.txt", *_ASSOCIATIONS)
-    if any((source / name).is_file() for name in names):
+    if _is_sequence(source):
         return source
-    inner = [e for e in sorted(source.iterdir()) if any((e / name).is_file() for name in names)]
+    inner = [entry for entry in sorted(source.iterdir()) if _is_sequence(entry)]
     if len(inner) > 1:
         raise RecordingError(
             f"{len(inner)} sequences lie here: {', '.join(e.name for e in inner)}",
@@ -93,6 +93,12 @@ def _root(source: Path) -> Path:
             fix=f"convert them one by one, for example {inner[0]}",
         )
     return inner[0] if inner else source
+
+
+def _is_sequence(folder: Path) -> bool:
+    """Whether the benchmark's lists lie there; X11 has an rgb.txt, too."""
+    ways = (_LISTS, *((name,) for name in _ASSOCIATIONS))
+    return any(all((folder / name).is_file() for name in names) for names in ways)
 
 
 def associate(rgb_ns: Sequence[int], depth_ns: Sequence[int]) -> list[int | None]:

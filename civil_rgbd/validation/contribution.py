@@ -73,9 +73,12 @@ def date_fault(date: str) -> str | None:
     if not re.fullmatch(r"[0-9]{4}(-[0-9]{2}(-[0-9]{2})?)?", date):
         return f"{date!r} is no date: write 2024-06-01, 2024-06 or 2024"
     try:
-        dt.date.fromisoformat(date + "-01" * (2 - date.count("-")))
+        first = dt.date.fromisoformat(date + "-01" * (2 - date.count("-")))
     except ValueError:
         return f"{date!r} is no day of the calendar"
+    # A day more: somewhere it is tomorrow already.
+    if first > dt.datetime.now(tz=dt.UTC).date() + dt.timedelta(days=1):
+        return f"{date!r} lies in the future"
     return None
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -125,6 +126,22 @@ def test_a_bridge_with_gaps_is_not_packed(
     assert "error: contribution-consent" in said
     assert said.endswith("not packed: the contribution profile is not met\n")
     assert not out.parent.exists()
+
+
+def test_a_folder_that_was_changed_is_not_packed_and_not_blamed_on_the_profile(
+    submission: Path,  # noqa: F811 - the fixture
+    tmp_path: Path,
+    capsys: Said,
+) -> None:
+    copy = tmp_path / "copy" / submission.name
+    shutil.copytree(submission, copy)
+    image = next(copy.rglob("rgb/*.*"))
+    image.write_bytes(image.read_bytes() + b"!")
+
+    assert main(["pack", str(copy), "--out", str(tmp_path / "a.tar")]) == 1
+    said = capsys.readouterr().out.splitlines()[-1]
+    assert said.startswith("not packed: the folder is damaged or was changed by hand (")
+    assert "profile" not in said
 
 
 def test_packed_listed_and_downloaded_it_is_the_same_bridge(

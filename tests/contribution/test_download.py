@@ -131,10 +131,23 @@ def test_what_is_not_what_the_registry_says_does_not_get_in(
 def test_a_truncated_archive_does_not_get_in(shop: Shop, packed: bytes, tmp_path: Path) -> None:
     shop.offer(packed[: len(packed) // 2])
 
-    with pytest.raises(FormatError, match="no whole tar file"):
+    with pytest.raises(FormatError, match="no whole tar file") as caught:
         download_bridge("B1", tmp_path / "data", registry=str(shop.registry))
 
+    assert caught.value.where == f"{shop.address}/B1.tar"
     assert_nothing_is_there(tmp_path / "data")
+
+
+def test_what_an_archive_should_not_hold_is_said_of_where_it_came_from(
+    shop: Shop, bridge: Path, tmp_path: Path
+) -> None:
+    write_archive(bridge, "B2", tmp_path / "other.tar")
+    shop.offer((tmp_path / "other.tar").read_bytes())
+
+    with pytest.raises(FormatError, match="which is no") as caught:
+        download_bridge("B1", tmp_path / "data", registry=str(shop.registry))
+
+    assert caught.value.where == f"{shop.address}/B1.tar"  # our own copy is gone
 
 
 def test_a_bridge_that_does_not_validate_does_not_get_in(

@@ -95,6 +95,13 @@ def test_the_page_has_what_a_maintainer_looks_for(bridge: Path, tmp_path: Path) 
     for words in (
         *("Town of Nowhere", "CC-BY-4.0", "letter of its engineer", "none visible"),
         *("spacing of frames", "image-too-near-previous", "golden.mcap", "Livox Avia"),
+        *(
+            "the camera sits at x ",
+            "of the LiDAR, looks along its ",
+            "its right is ",
+            "its down is ",
+        ),
+        *("the LiDAR sits at x ", "1 of 3 frames have no point within 0.25 s"),
     ):
         assert words in page.words
     sums = (tmp_path / "a.tar.sha256").read_text().split()

@@ -91,3 +91,17 @@ def test_a_choice_that_is_not_there_is_refused(
         choose(dataset, bridges=bridges, split=split)
 
     assert caught.value.where == str(dataset)
+
+
+@pytest.mark.parametrize(("scale", "kept"), [(1e9, False), (1e-9, False), (1000.0, True)])
+def test_a_scale_that_loses_the_depth_is_refused(
+    chosen: list[Chosen], tmp_path: Path, scale: float, *, kept: bool
+) -> None:
+    options = ExportOptions(depth_scale=scale)
+    if kept:
+        assert export(chosen, "tum", tmp_path / "out", options).losses
+        return
+    with pytest.raises(UsageError, match="do not fit into 16 bits and would be lost") as caught:
+        export(chosen, "tum", tmp_path / "out", options)
+    assert "--depth-scale" in caught.value.fix
+    assert list(tmp_path.iterdir()) == []

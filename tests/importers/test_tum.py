@@ -90,3 +90,14 @@ def test_a_folder_without_the_benchmarks_lists_is_said_and_has_no_usual_camera(
 
     with pytest.raises(RecordingError, match="no camera intrinsics are found"):
         take(root, "tum", overwrite=True)
+
+
+def test_a_folder_that_holds_an_rgb_txt_of_something_else_is_not_looked_into(
+    take: Take, tmp_path: Path
+) -> None:
+    (tmp_path / "etc" / "X11").mkdir(parents=True)
+    (tmp_path / "etc" / "X11" / "rgb.txt").write_text("255 250 250 snow\n")
+
+    with pytest.raises(RecordingError, match="no colour and depth images") as caught:
+        take(tmp_path / "etc", "tum")
+    assert caught.value.where == str(tmp_path / "etc")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime as dt
 
 import pytest
 
@@ -171,6 +172,15 @@ def test_dates_of_the_calendar_pass(date: str) -> None:
 @pytest.mark.parametrize("date", ["2023-02-29", "2024-00", "24-01-01", "2024-1-1", "0000", ""])
 def test_other_dates_do_not(date: str) -> None:
     assert date_fault(date)
+
+
+def test_a_date_in_the_future_is_none_yet() -> None:
+    today = dt.datetime.now(tz=dt.UTC).date()
+    assert date_fault(str(today)) is None
+    assert date_fault(str(today)[:4]) is None
+    later = str(today + dt.timedelta(days=3))
+    assert date_fault(later) == f"{later!r} lies in the future"
+    assert date_fault(str(today.year + 1)) is not None
 
 
 @pytest.mark.parametrize(
