@@ -53,7 +53,7 @@ def main() -> int:
 
 
 def _run(arguments: Sequence[str]) -> None:
-    subprocess.run([PROGRAM, *arguments], check=True, capture_output=True)
+    subprocess.run([PROGRAM, *arguments], check=True, stdout=subprocess.DEVNULL)
 
 
 def _kill(build: Sequence[str], out: Path, dice: random.Random, whole_s: float) -> str:
