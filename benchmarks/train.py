@@ -11,6 +11,11 @@ which is left out. Wanted: AbsRel of *unseen* at most 0.65 times that of predict
 median over the training frames; in the *table* 30 shots take off at least 25 % AbsRel, mean of 3
 seeds, on the frames outside the 30-draw, in less than 40 minutes. What is done is kept in --folder,
 and a command that is given again goes on.
+
+Last measured, torch 2.13, one thread of a busy machine of two cores, seed 0, 600 steps:
+
+    training median 0.272; BTS small, no shots 0.163 (ratio 0.60); 400 steps 0.171 (0.63)
+    frames outside the 30-draw: no shots 0.163, 30 shots 0.113 (31 % less); apart 0.112
 """
 
 from __future__ import annotations
