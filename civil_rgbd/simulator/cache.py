@@ -36,8 +36,11 @@ def cached_demo_recording(
 
 
 def _simulator_sha256() -> str:
-    sources = sorted(
-        (entry for entry in resources.files(__package__).iterdir() if entry.name.endswith(".py")),
-        key=lambda entry: entry.name,
-    )
+    rooms = (resources.files(__package__), resources.files(__package__) / "sites")
+    sources = [
+        entry
+        for room in rooms
+        for entry in sorted(room.iterdir(), key=lambda entry: entry.name)
+        if entry.name.endswith(".py")
+    ]
     return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()

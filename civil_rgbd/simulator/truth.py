@@ -14,12 +14,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from civil_rgbd.constants import FORMAT_VERSION
 from civil_rgbd.domain.frame import frame_id_from
 from civil_rgbd.errors import OutputError
 from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.geometry.transforms import quaternion_from_matrix
-from civil_rgbd.simulator.bridge import scene_of
 from civil_rgbd.simulator.camera import raw_camera, true_depth
+from civil_rgbd.simulator.catalogue import site_for
+from civil_rgbd.simulator.sightings import seen_spalls
+from civil_rgbd.simulator.spall import Spall
 from civil_rgbd.simulator.spec import ScanSpec
 from civil_rgbd.simulator.walk import (
     T_IMU_LIDAR,
@@ -53,7 +56,9 @@ def write_truth(
         depth_camera: the pinhole to write the depth of every image for; None writes no depth.
 
     Returns:
-        the folder: ``scene.json`` (dimensions, sensors, spec), ``scene.ply`` (the faces),
+        the folder: ``scene.json`` (dimensions, spalls, what moves, sensors, spec), ``scene.ply``
+        (the faces of all that stands), ``defects.json`` (each spall in the image that sees it
+        best, in pixels of ``depth_camera`` or else of the raw images without their lens),
         ``images.csv`` (``T_map_camera`` of each image at its true instant), ``poses.csv``
         (``T_map_imu``, 200 Hz), ``depth/000000.npy`` (float64 metres, 0 where the sky is).
 
@@ -66,6 +71,7 @@ def write_truth(
         try:
             scratch.mkdir(parents=True)
             _write_documents(scratch, spec)
+            _write_defects(scratch, spec, depth_camera or raw_camera(spec.image_scale).pinhole)
             if depth_camera is not None:
                 _write_depth(scratch / "depth", spec, depth_camera)
             remove_truth(recording)
@@ -100,11 +106,16 @@ def remove_truth(recording: Path) -> None:
 
 
 def _write_documents(folder: Path, spec: ScanSpec) -> None:
-    scene = scene_of(spec.bridge)
+    site = site_for(spec)
+    scene = site.scene
     document = {
         "spec": spec.document(),
         "dimensions_m": scene.dimensions_m,
-        "spalls": [],
+        "spalls": [_spall_document(spall, spec.map_offset_m) for spall in site.spalls],
+        "movers": [
+            {"name": mover.name, "motion": type(mover.motion).__name__, **asdict(mover.motion)}
+            for mover in site.movers
+        ],
         "raw_camera": asdict(raw_camera(spec.image_scale)),
         "T_imu_lidar": T_IMU_LIDAR.tolist(),
         "T_lidar_camera": T_LIDAR_CAMERA.tolist(),
@@ -119,6 +130,31 @@ def _write_documents(folder: Path, spec: ScanSpec) -> None:
     turns = np.array([quaternion_from_matrix(R) for R in poses[:, :3, :3]]).reshape(-1, 4)
     _write_poses(folder / "images.csv", instants, poses[:, :3, 3], turns)
     _write_poses(folder / "poses.csv", stamps, *imu_poses(spec, stamps))
+
+
+def _spall_document(spall: Spall, offset_m: tuple[float, ...]) -> dict[str, object]:
+    return {
+        "name": spall.name,
+        "part": spall.part,
+        "severity": spall.severity,
+        "length_m": spall.length_m,
+        "width_m": spall.width_m,
+        "depth_m": spall.depth_m,
+        "area_m2": spall.area_m2,
+        "centre_map_m": (spall.centre_m + offset_m).tolist(),
+        "deepest_map_m": (spall.deepest_m + offset_m).tolist(),
+        "along": spall.along.tolist(),
+        "up": spall.up.tolist(),
+        "normal": spall.normal.tolist(),
+        "outline_map_m": (spall.outline_m + offset_m).tolist(),
+    }
+
+
+def _write_defects(folder: Path, spec: ScanSpec, camera: PinholeCamera) -> None:
+    defects = [asdict(record) for record in seen_spalls(spec, camera)]
+    document = {"format_version": FORMAT_VERSION, "defects": defects}
+    text = json.dumps(document, indent=2) + "\n"
+    (folder / "defects.json").write_text(text, encoding="utf-8")
 
 
 def _write_poses(

@@ -83,8 +83,8 @@ def girder_site(seed: int) -> Site:
 def _deck(draft: Draft) -> None:
     ends = (-_ABUTMENT_Y_M - 1.0, _ABUTMENT_Y_M + 1.0)
     hollows = (
-        SpallPlan("B1-3", (7.0, 6.2), 0.62, 0.40, 0.045, 13),  # between two girders
-        SpallPlan("B1-4", (4.95, 16.5), 0.30, 0.24, 0.030, 14),
+        SpallPlan("B1-3", (8.0, 6.2), 0.62, 0.40, 0.045, 13),  # between two girders
+        SpallPlan("B1-4", (6.0, 16.2), 0.30, 0.24, 0.030, 14),
     )
     draft.box(
         "soffit", "soffit", ((-_HALF_DECK_M, _HALF_DECK_M), ends, (_SOFFIT_Z_M, _SOFFIT_Z_M + _SLAB_M)),
