@@ -14,26 +14,63 @@ if TYPE_CHECKING:
     from civil_rgbd.simulator.spec import ScanSpec
 
 
+_HERE = "civil-rgbd simulate"
+
+
 @click.command("simulate")
-@click.argument("out", type=click.Path(path_type=Path), metavar="OUT")
-@click.option("--bridge", metavar="NAME", help="The bridge to scan  [default: demo]")
-@click.option("--seconds", metavar="S", help="Length of the walk  [default: 7]")
+@click.argument("out", type=click.Path(path_type=Path), metavar="OUT", required=False)
+@click.option(
+    "--out", "named_out", type=click.Path(path_type=Path), metavar="OUT", help="The same as OUT."
+)
+@click.option("--bridge", metavar="NAME", help="demo, or B1 to B5  [default: demo]")
+@click.option("--seconds", metavar="S", help="Length of the walk  [default: 7, of B1 to B5 30]")
 @click.option("--seed", metavar="N", help="Of everything random  [default: 0]")
-@click.option("--image-rate-hz", metavar="HZ", help="Images a second  [default: 10]")
+@click.option(
+    "--image-rate-hz", metavar="HZ", help="Images a second  [default: 10, of B1 to B5 30]"
+)
 @click.option("--image-scale", metavar="SCALE", help="Image size / 1280x720  [default: 1]")
 @click.option("--point-rate-hz", metavar="HZ", help="LiDAR points a second  [default: 240000]")
-@click.option("--noise-m", "range_noise_m", metavar="M", help="Range noise, 1 sigma  [default: 0]")
+@click.option(
+    "--noise-m",
+    "range_noise_m",
+    metavar="M",
+    help="Range noise, 1 sigma  [default: 0, of B1 to B5 0.02]",
+)
 @click.option(
     "--false-return-share",
     metavar="SHARE",
-    help="Share of false returns, tagged as noise  [default: 0]",
+    help="Share of false returns, tagged as noise  [default: 0, of B1 to B5 0.001]",
 )
 @click.option(
     "--camera-time-offset-s",
     metavar="S",
     help="What must be added to image stamps to reach the LiDAR clock  [default: 0]",
 )
-@click.option("--speed-m-s", metavar="M/S", help="Walking speed at its fastest  [default: 1.3]")
+@click.option(
+    "--extrinsic-error-deg",
+    type=(float, float, float),
+    metavar="X Y Z",
+    help="How wrong the recording states the camera's rotation, about its axes  [default: 0 0 0]",
+)
+@click.option(
+    "--extrinsic-error-m",
+    type=(float, float, float),
+    metavar="X Y Z",
+    help="How wrong it states the camera's place, along its axes  [default: 0 0 0]",
+)
+@click.option(
+    "--speed-m-s",
+    metavar="M/S",
+    help="Walking speed at its fastest  [default: 1.3, of B1 to B5 1]",
+)
+@click.option(
+    "--set",
+    "others",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Any other setting of the simulator, such as drift_m_per_root_s=0, moving=0 or "
+    "exposure_settles_s=0.5; may be given again. docs/simulator.md lists them.",
+)
 @click.option(
     "--without",
     multiple=True,
@@ -50,8 +87,12 @@ if TYPE_CHECKING:
 )
 @click.option("--overwrite", is_flag=True, help="Replace files that are there.")
 def command(
-    out: Path,
+    out: Path | None,
     *,
+    named_out: Path | None,
+    extrinsic_error_deg: tuple[float, float, float] | None,
+    extrinsic_error_m: tuple[float, float, float] | None,
+    others: tuple[str, ...],
     without: tuple[str, ...],
     truth: bool,
     truth_depth_scale: float | None,
@@ -60,19 +101,19 @@ def command(
 ) -> None:
     """Simulate a scan of a bridge and write it to OUT: .mcap (ROS 2) or .bag (ROS 1).
 
-    An inspector walks past and under a girder bridge with a LiDAR like the Livox Avia and a camera
-    like the RealSense D455. Equal options give equal bytes.
+    An inspector walks past and under a bridge with a LiDAR like the Livox Avia and a camera like
+    the RealSense D455. The demo's sensors are exact; those of B1 to B5 err as real ones do, and
+    their poses drift. Equal options give equal bytes.
     """
     from civil_rgbd.cli.progress import frame_bar
     from civil_rgbd.simulator.camera import raw_camera
     from civil_rgbd.simulator.recorder import write_recording
-    from civil_rgbd.simulator.spec import spec_from_settings
     from civil_rgbd.simulator.truth import remove_truth, write_truth
 
+    out = _only(out, named_out)
     refuse_remote(out, option="OUT")
-    here = "civil-rgbd simulate"
-    given = {name: value for name, value in settings.items() if value is not None}
-    spec = spec_from_settings(given, where=here)
+    errors = {"extrinsic_error_deg": extrinsic_error_deg, "extrinsic_error_m": extrinsic_error_m}
+    spec = _spec(settings, others, {k: v for k, v in errors.items() if v is not None})
     beside = {name: (out.with_suffix(_BESIDE[name][0]), _BESIDE[name][1]) for name in without}
     if not overwrite:
         _refuse_to_overwrite([path for path, _ in beside.values()])
@@ -86,6 +127,45 @@ def command(
         pinhole = raw_camera(spec.image_scale).pinhole
         camera = None if truth_depth_scale is None else pinhole.scaled(truth_depth_scale)
         print(f"{write_truth(out, spec, depth_camera=camera)}: the truth; no build reads it")
+
+
+def _only(out: Path | None, named_out: Path | None) -> Path:
+    from civil_rgbd.errors import UsageError
+
+    one, other = (out, named_out) if named_out is None else (named_out, out)
+    if one is None or other is not None:
+        raise UsageError(
+            "no file to write to" if one is None else f"two files to write to: {one}, {other}",
+            where=_HERE,
+            fix="name one: `civil-rgbd simulate raw.mcap`",
+        )
+    return one
+
+
+def _spec(
+    settings: dict[str, str | None],
+    others: tuple[str, ...],
+    errors: dict[str, tuple[float, float, float]],
+) -> ScanSpec:
+    from dataclasses import replace
+
+    from civil_rgbd.errors import UsageError
+    from civil_rgbd.simulator.spec import spec_from_settings
+
+    given: dict[str, str | float] = {k: v for k, v in settings.items() if v is not None}
+    for text in others:
+        name, equals, value = text.partition("=")
+        if not equals or name in given:
+            what = "is given twice" if equals else "is not of the form NAME=VALUE"
+            raise UsageError(
+                f"--set {text!r} {what}", where=_HERE, fix="for example `--set sway=1.5`, once"
+            )
+        given[name] = value
+    spec = spec_from_settings(given, where=_HERE)
+    try:
+        return replace(spec, **errors)  # type: ignore[arg-type]  # by name
+    except ValueError as error:
+        raise UsageError(str(error), where=_HERE, fix="give three numbers") from error
 
 
 def _rig_text(spec: ScanSpec) -> str:

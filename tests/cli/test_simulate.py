@@ -31,6 +31,7 @@ def test_the_truth_is_written_beside_it_on_request(tmp_path: Path) -> None:
 
     assert code == 0
     assert sorted(entry.name for entry in (tmp_path / "raw.truth").iterdir()) == [
+        "defects.json",
         "depth",
         "images.csv",
         "poses.csv",
