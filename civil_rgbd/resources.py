@@ -32,7 +32,7 @@ def recipe_texts() -> dict[str, str]:
     """Return the TOML text of every recipe that ships, by name.
 
     >>> sorted(recipe_texts())
-    ['1m', '250k', '250k-all', '50k', 'demo']
+    ['1m', '250k', '250k-all', '250k-clean', '50k', 'demo']
     """
     return {
         entry.name.removesuffix(".toml"): entry.read_text("utf-8")

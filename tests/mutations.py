@@ -474,8 +474,8 @@ MUTATIONS = (
     Mutation(
         "T_camera_local: inverse left out",
         FRAMES,
-        "T_camera_local=inverse(T_local_camera)",
-        "T_camera_local=T_local_camera",
+        "return inverse(T_local_camera)",
+        "return T_local_camera",
     ),
     Mutation(
         "camera not moved to the local origin",

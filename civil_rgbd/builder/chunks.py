@@ -60,6 +60,7 @@ class FrameRecord:
         points_in_view: of those, in the image.
         span_ns: from the window's earliest point to its latest.
         nearest_ns: from the image to the window's nearest point in time.
+        pixels_removed: emptied because something stands before what they show.
     """
 
     source_index: int
@@ -69,6 +70,7 @@ class FrameRecord:
     points_in_view: int
     span_ns: int
     nearest_ns: int
+    pixels_removed: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +128,7 @@ def _record(job: Job, outcome: FrameOutcome) -> FrameRecord:
         points_in_view=outcome.points_in_view,
         span_ns=outcome.span_ns,
         nearest_ns=outcome.nearest_ns,
+        pixels_removed=outcome.pixels_removed,
     )
 
 

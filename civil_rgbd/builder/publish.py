@@ -106,8 +106,16 @@ def with_counts(facts: Facts, records: Sequence[ChunkRecord]) -> Manifest:
             frames_with_old_points=sum(age_s > OLD_POINTS_S for age_s in ages_s),
             mean_valid_share=_mean([frame.row.valid_share for frame in kept if frame.row]),
             pixels_without_source=facts.pixels_without_source,
+            pixels_removed_by_visibility=_removed(facts, kept),
         ),
     )
+
+
+def _removed(facts: Facts, kept: Sequence[FrameRecord]) -> int | None:
+    recipe = facts.manifest.recipe
+    if recipe is None or "visibility" not in recipe.parameters:
+        return None
+    return sum(frame.pixels_removed for frame in kept)
 
 
 def _salvaged(said: str | None, unreadable: int, read: int) -> str | None:

@@ -19,6 +19,7 @@ from civil_rgbd.domain.recipe import (
     PosesStage,
     Recipe,
     SelectStage,
+    VisibilityStage,
 )
 from civil_rgbd.errors import RecipeError
 from civil_rgbd.resources import load_schema, nearest, recipe_texts
@@ -30,7 +31,10 @@ _STAGES: dict[str, type[Any]] = {
     "poses": PosesStage,
     "image": ImageStage,
     "depth": DepthStage,
+    "visibility": VisibilityStage,
 }
+_ON_REQUEST = frozenset({"visibility"})
+"""Stages that a recipe without their table does not have."""
 
 
 def load_recipe(name_or_path: str, settings: Iterable[str] = ()) -> Recipe:
@@ -139,6 +143,7 @@ def recipe_from_document(document: dict[str, Any], *, where: object) -> Recipe:
     stages = {
         name: kind(**_in_their_types(kind, document.get(name, {})))
         for name, kind in _STAGES.items()
+        if name in document or name not in _ON_REQUEST
     }
     recipe = Recipe(
         name=document.get("name", "unnamed"),
@@ -183,6 +188,20 @@ def _refuse_contradictions(recipe: Recipe, where: object) -> None:
                 raise RecipeError(
                     f"{stage}.{key} is {value!r}", where=where, fix="take a finite number"
                 )
+    seen = recipe.visibility
+    if seen is not None and seen.points < recipe.accumulate.points:
+        raise RecipeError(
+            f"visibility.points is {seen.points}, fewer than accumulate.points "
+            f"({recipe.accumulate.points})",
+            where=where,
+            fix="the points of a frame hide others too: give at least as many",
+        )
+    if seen is not None and not seen.closing_px % 2:
+        raise RecipeError(
+            f"visibility.closing_px is {seen.closing_px}, which is even",
+            where=where,
+            fix=f"take {seen.closing_px + 1}: a pixel has as many neighbours on either side",
+        )
     step_m = recipe.depth.step_m
     if step_m and math.frexp(step_m)[0] != 0.5:
         raise RecipeError(
@@ -214,8 +233,12 @@ def _refuse_contradictions(recipe: Recipe, where: object) -> None:
 
 
 def recipe_parameters(recipe: Recipe) -> dict[str, dict[str, Any]]:
-    """Return every key of every stage: what decides the pixels, without name and description."""
-    return {name: dataclasses.asdict(getattr(recipe, name)) for name in _STAGES}
+    """Return every key of every stage: what decides the pixels, without name and description.
+
+    Stages that were not asked for are left out, as they were before anybody could ask for them.
+    """
+    stages = {name: getattr(recipe, name) for name in _STAGES}
+    return {name: dataclasses.asdict(stage) for name, stage in stages.items() if stage is not None}
 
 
 def recipe_sha256(recipe: Recipe) -> str:

@@ -64,6 +64,9 @@ class BuildReport:
         ]
         if counts.pixels_without_source:
             lines.append(f"  no source for {counts.pixels_without_source} pixels of every image")
+        if counts.pixels_removed_by_visibility is not None:
+            each = counts.pixels_removed_by_visibility / max(counts.frames_kept, 1)
+            lines.append(f"  hidden        {each:,.0f} pixels of a frame removed by visibility")
         if self.notes.salvage:
             lines.append(f"  salvaged      {self.notes.salvage}")
         lines += [f"  note          {warning}" for warning in self.notes.warnings]

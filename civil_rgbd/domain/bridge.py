@@ -240,6 +240,8 @@ class Counts:
         frames_with_old_points: frames for which it is above :data:`OLD_POINTS_S`.
         mean_valid_share: mean share of pixels with depth.
         pixels_without_source: pixels of every image that the raw one does not have.
+        pixels_removed_by_visibility: pixels of all frames that were emptied because something
+            stands before what they showed; None where the recipe does not look.
     """
 
     images_seen: int
@@ -257,6 +259,7 @@ class Counts:
     frames_with_old_points: int | None = None
     mean_valid_share: float | None = None
     pixels_without_source: int | None = None
+    pixels_removed_by_visibility: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -100,8 +100,32 @@ class DepthStage:
 
 
 @dataclass(frozen=True, slots=True)
+class VisibilityStage:
+    """Which pixels are empty after all, because something stands before what they show.
+
+    Attributes:
+        points: how many points may hide others: those of the frame, and older ones.
+        max_age_s: points further from the image's stamp hide nothing; 0 = no limit.
+        closing_px: holes of a front up to this wide are closed; odd.
+        rim_px: how far beyond a pixel a front must reach on every side to hide it.
+        margin_m: a pixel is hidden when it lies behind the front by more than this, and
+        margin_share: more than this share of the front's depth.
+    """
+
+    points: int = 1_000_000
+    max_age_s: float = 0.0
+    closing_px: int = 5
+    rim_px: int = 1
+    margin_m: float = 0.1
+    margin_share: float = 0.02
+
+
+@dataclass(frozen=True, slots=True)
 class Recipe:
-    """All of it. The defaults are the paper's: the recipe ``250k``."""
+    """All of it. The defaults are the paper's: the recipe ``250k``.
+
+    Stages that are None are not asked for.
+    """
 
     name: str
     description: str = ""
@@ -111,3 +135,4 @@ class Recipe:
     poses: PosesStage = field(default_factory=PosesStage)
     image: ImageStage = field(default_factory=ImageStage)
     depth: DepthStage = field(default_factory=DepthStage)
+    visibility: VisibilityStage | None = None

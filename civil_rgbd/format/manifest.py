@@ -166,6 +166,8 @@ def _software_to(software: Software) -> Document:
 
 def _counts_to(counts: Counts) -> Document:
     document = dataclasses.asdict(counts)
+    if counts.pixels_removed_by_visibility is None:
+        del document["pixels_removed_by_visibility"]
     for key, value in document.items():
         if isinstance(value, dict):  # by name: the order of counting must not reach the file
             document[key] = dict(sorted(value.items()))

@@ -22,10 +22,12 @@ class PointWindow:
     Attributes:
         segments: (3, n) float32 each, metres, local frame, one row an axis; views, in order.
         stamps_ns: (n,) int64 each, ascending within a segment.
+        places: where each segment comes from: the scan, its first point there, and after the last.
     """
 
     segments: list[NDArray[np.float32]]
     stamps_ns: list[NDArray[np.int64]]
+    places: list[tuple[int, int, int]]
 
     @property
     def count(self) -> int:
@@ -54,6 +56,24 @@ class PointWindow:
             ),
             default=0,
         )
+
+    def beyond(self, inner: PointWindow) -> list[NDArray[np.float32]]:
+        """Return the points of this window that another one does not have.
+
+        Args:
+            inner: a window around the same instant, over the same recording.
+        """
+        theirs: dict[int, tuple[int, int]] = {}
+        for scan, start, stop in inner.places:
+            # A scan around the instant comes twice, as past and as future: one range, not two.
+            known = theirs.get(scan, (start, stop))
+            theirs[scan] = (min(start, known[0]), max(stop, known[1]))
+        rest = []
+        for segment, (scan, start, stop) in zip(self.segments, self.places, strict=True):
+            begin, end = theirs.get(scan, (stop, stop))
+            before, after = max(begin - start, 0), max(end - start, 0)
+            rest += [part for part in (segment[:, :before], segment[:, after:]) if part.shape[1]]
+        return rest
 
 
 class SlidingWindow:
@@ -99,15 +119,17 @@ class SlidingWindow:
         """Return the points around an instant that is not before the one asked for last."""
         past, from_scan = self._past(stamp_ns)
         future = self._future(stamp_ns)
+        parts = past + future
+        window = PointWindow(
+            segments=[self._held[scan].points_local[:, a:b] for scan, a, b in parts],
+            stamps_ns=[self._held[scan].stamps_ns[a:b] for scan, a, b in parts],
+            places=parts,
+        )
         # A later instant never needs a scan before the first one this one looked at.
         self._held = {scan: held for scan, held in self._held.items() if scan >= from_scan}
-        parts = past + future
-        return PointWindow(
-            segments=[held.points_local[:, start:stop] for held, start, stop in parts],
-            stamps_ns=[held.stamps_ns[start:stop] for held, start, stop in parts],
-        )
+        return window
 
-    def _past(self, stamp_ns: int) -> tuple[list[tuple[MappedScan, int, int]], int]:
+    def _past(self, stamp_ns: int) -> tuple[list[tuple[int, int, int]], int]:
         """Walk back from the last scan that can hold past points until there are enough."""
         wanted = self._wanted[0]
         oldest_ns = stamp_ns - self._max_age_ns
@@ -122,11 +144,11 @@ class SlidingWindow:
             young = int(np.searchsorted(held.stamps_ns, oldest_ns, side="left"))
             start = max(young, stop - wanted)
             if start < stop:
-                parts.append((held, start, stop))
+                parts.append((scan, start, stop))
                 wanted -= stop - start
         return parts[::-1], scan
 
-    def _future(self, stamp_ns: int) -> list[tuple[MappedScan, int, int]]:
+    def _future(self, stamp_ns: int) -> list[tuple[int, int, int]]:
         """Walk on from the first scan that can hold future points until there are enough."""
         wanted = self._wanted[1]
         newest_ns = stamp_ns + self._max_age_ns
@@ -138,7 +160,7 @@ class SlidingWindow:
             near = int(np.searchsorted(held.stamps_ns, newest_ns, side="right"))
             stop = min(near, start + wanted)
             if start < stop:
-                parts.append((held, start, stop))
+                parts.append((scan, start, stop))
                 wanted -= stop - start
             scan += 1
         return parts

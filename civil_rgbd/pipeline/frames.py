@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from civil_rgbd.constants import NO_DEPTH_M
 from civil_rgbd.domain.frame import RgbdFrame
-from civil_rgbd.domain.recipe import Recipe
+from civil_rgbd.domain.recipe import AccumulateStage, Recipe
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.errors import ImageDecodeError
 from civil_rgbd.geometry.transforms import inverse
@@ -19,6 +19,7 @@ from civil_rgbd.pipeline.accumulate import PointWindow, SlidingWindow
 from civil_rgbd.pipeline.image import ImageMaker, image_maker
 from civil_rgbd.pipeline.prepare import MappedScan, PointCounts, local_origin, map_scan
 from civil_rgbd.pipeline.render import render_depth
+from civil_rgbd.pipeline.visibility import front_depth, remove_hidden
 
 _KEPT_WINDOWS = 2  # how many windows' worth of mapped points are kept for windows to come
 
@@ -52,6 +53,7 @@ class FrameOutcome:
         points_in_view: of those, in the image and the depth range.
         span_ns: from the window's earliest point to its latest.
         nearest_ns: from the image to the window's nearest point in time.
+        pixels_removed: emptied because something stands before what they show.
     """
 
     source_index: int
@@ -61,6 +63,7 @@ class FrameOutcome:
     points_in_view: int
     span_ns: int
     nearest_ns: int
+    pixels_removed: int = 0
 
 
 @dataclass(slots=True)
@@ -91,17 +94,30 @@ class FrameMaker:
 
     def make(self, planned: Sequence[PlannedFrame]) -> Iterator[FrameOutcome]:
         """Make the frames of a chunk, one at a time; its first window is read back until full."""
-        window = self.windows()
+        window, occluders = self.windows(), self.occluders()
         for plan in planned:
-            yield self._make_one(plan, window.at(plan.stamp_ns))
+            around = occluders.at(plan.stamp_ns) if occluders else None
+            yield self._make_one(plan, window.at(plan.stamp_ns), around)
 
     def windows(self) -> SlidingWindow:
         """Return a fresh window over the recording's points, in the local frame."""
+        return self._sliding(self.recipe.accumulate)
+
+    def occluders(self) -> SlidingWindow | None:
+        """Return a fresh window over the points that may hide others; None if none may."""
+        stage = self.recipe.visibility
+        if stage is None:
+            return None
+        return self._sliding(
+            replace(self.recipe.accumulate, points=stage.points, max_age_s=stage.max_age_s)
+        )
+
+    def _sliding(self, stage: AccumulateStage) -> SlidingWindow:
         return SlidingWindow(
             self._read_mapped,
             scan_stamps_ns=self.recording.scan_stamps_ns,
             reach_ns=self.recording.point_reach_ns,
-            stage=self.recipe.accumulate,
+            stage=stage,
         )
 
     def render(
@@ -112,11 +128,9 @@ class FrameMaker:
         Returns:
             depth (H, W) float32 metres, and how many points fell into it.
         """
-        T_local_camera = T_map_camera.copy()
-        T_local_camera[:3, 3] -= self._origin_map
         rendered = render_depth(
             window.segments,
-            T_camera_local=inverse(T_local_camera),
+            T_camera_local=self._from_local(T_map_camera),
             camera=self.images.camera,
             stage=self.recipe.depth,
         )
@@ -124,7 +138,42 @@ class FrameMaker:
             rendered.depth_m[~self.images.exists] = NO_DEPTH_M
         return rendered.depth_m, rendered.points_in_view
 
-    def _make_one(self, plan: PlannedFrame, window: PointWindow) -> FrameOutcome:
+    def _from_local(self, T_map_camera: NDArray[np.float64]) -> NDArray[np.float64]:
+        T_local_camera = T_map_camera.copy()
+        T_local_camera[:3, 3] -= self._origin_map
+        return inverse(T_local_camera)
+
+    def remove_hidden(
+        self,
+        depth_m: NDArray[np.float32],
+        T_map_camera: NDArray[np.float64],
+        *,
+        window: PointWindow,
+        around: PointWindow,
+    ) -> int:
+        """Empty the pixels that show what the camera cannot see, in place; return how many.
+
+        Args:
+            depth_m: (H, W) float32 metres, from :meth:`render`.
+            T_map_camera: as it was rendered.
+            window: which was rendered.
+            around: the points that may hide some, those of the window among them or not.
+        """
+        if self.recipe.visibility is None:
+            return 0
+        front_m = front_depth(
+            depth_m,
+            around.beyond(window),
+            T_camera_local=self._from_local(T_map_camera),
+            camera=self.images.camera,
+            limits=self.recipe.depth,
+            stage=self.recipe.visibility,
+        )
+        return remove_hidden(depth_m, front_m, stage=self.recipe.visibility)
+
+    def _make_one(
+        self, plan: PlannedFrame, window: PointWindow, around: PointWindow | None
+    ) -> FrameOutcome:
         # The points decide first: an image whose frame is dropped is never decoded.
         if window.count < self.recipe.accumulate.min_fill * self.recipe.accumulate.points:
             return _outcome(plan, window, dropped="too-few-points")
@@ -133,6 +182,9 @@ class FrameMaker:
         except ImageDecodeError:
             return _outcome(plan, window, dropped="image-undecodable")
         depth_m, in_view = self.render(plan.T_map_camera, window)
+        removed = 0
+        if around is not None:
+            removed = self.remove_hidden(depth_m, plan.T_map_camera, window=window, around=around)
         frame = RgbdFrame(
             source_index=plan.source_index,
             stamp_ns=plan.stamp_ns,
@@ -142,7 +194,14 @@ class FrameMaker:
             camera=self.images.camera,
             T_map_camera=plan.T_map_camera,
         )
-        return _outcome(plan, window, frame=frame, points_in_view=in_view)
+        made = _outcome(plan, window, frame=frame, points_in_view=in_view)
+        return replace(made, pixels_removed=removed)
+
+    @property
+    def _widest(self) -> int:
+        """How many points the largest window has."""
+        stage = self.recipe.visibility
+        return max(self.recipe.accumulate.points, stage.points if stage else 0)
 
     def _read_mapped(self, scan: int) -> MappedScan:
         # The next chunk's window begins among the scans that the last one's ended with.
@@ -155,7 +214,7 @@ class FrameMaker:
         )
         self._recent[scan] = mapped
         kept_points = sum(len(recent.stamps_ns) for recent in self._recent.values())
-        while kept_points > _KEPT_WINDOWS * self.recipe.accumulate.points and len(self._recent) > 1:
+        while kept_points > _KEPT_WINDOWS * self._widest and len(self._recent) > 1:
             kept_points -= len(self._recent.popitem(last=False)[1].stamps_ns)
         self.point_counts[scan] = mapped.counts
         return mapped

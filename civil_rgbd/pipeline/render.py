@@ -48,9 +48,37 @@ def render_depth(
     Returns:
         the depth image.
     """
-    size = (camera.width_px, camera.height_px)
     # One pixel more than the image has: points that miss it go there.
-    nearest = np.full(size[0] * size[1] + 1, np.inf, dtype=np.float32)
+    nearest = np.full(camera.width_px * camera.height_px + 1, np.inf, dtype=np.float32)
+    in_view = draw_nearest(
+        segments, T_camera_local=T_camera_local, camera=camera, stage=stage, nearest=nearest
+    )
+    depth_m = nearest[:-1]
+    _to_metres(depth_m, stage.step_m or 1.0, NO_DEPTH_M)
+    return RenderedDepth(depth_m.reshape(camera.height_px, camera.width_px), in_view)
+
+
+def draw_nearest(
+    segments: Iterable[NDArray[np.float32]],
+    *,
+    T_camera_local: NDArray[np.float64],
+    camera: PinholeCamera,
+    stage: DepthStage,
+    nearest: NDArray[np.float32],
+) -> int:
+    """Project points through a pinhole, and lower the depth of the pixels they fall into.
+
+    Args:
+        segments: (3, n) float32 each, metres, local frame, one row an axis.
+        T_camera_local: (4, 4) local frame to camera optical frame.
+        camera: the pinhole.
+        stage: depth range (inclusive, before rounding) and rounding step.
+        nearest: (H W + 1,) float32, in rounding steps, or in metres where there is no rounding; inf
+            = nothing yet. Changed in place; the last takes the points that miss the image.
+
+    Returns:
+        how many points fell into the image and the depth range.
+    """
     # Intrinsics folded into the transform: rows give u Z, v Z and Z.
     R, t = T_camera_local[:3, :3], T_camera_local[:3, 3]
     rows = np.empty((3, 4))
@@ -62,14 +90,12 @@ def render_depth(
         in_view += _scatter_nearest(
             *points_local,
             rows,
-            size,
+            (camera.width_px, camera.height_px),
             (stage.min_m, stage.max_m),
             1.0 / stage.step_m if stage.step_m else 0.0,
             nearest,
         )
-    depth_m = nearest[:-1]
-    _to_metres(depth_m, stage.step_m or 1.0, NO_DEPTH_M)
-    return RenderedDepth(depth_m.reshape(size[1], size[0]), in_view)
+    return in_view
 
 
 # No fastmath and no parallel sums: every processor must compute the same bits. Arithmetic is

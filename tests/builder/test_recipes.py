@@ -17,7 +17,7 @@ from civil_rgbd.builder.recipes import (
     recipe_parameters,
     recipe_sha256,
 )
-from civil_rgbd.domain.recipe import Recipe
+from civil_rgbd.domain.recipe import Recipe, VisibilityStage
 from civil_rgbd.errors import RecipeError
 from civil_rgbd.resources import load_schema, recipe_texts
 
@@ -27,6 +27,10 @@ STAGES: dict[str, Any] = {
     for name, properties in load_schema("recipe")["properties"].items()
     if properties["type"] == "object"
 }
+
+ON_REQUEST = {"visibility"}
+"""Stages that a recipe without their table does not have."""
+EVERYTHING = Recipe("any", visibility=VisibilityStage())
 
 
 def written(tmp_path: Path, text: str, name: str = "mine.toml") -> str:
@@ -50,8 +54,9 @@ def test_every_shipped_recipe_loads_under_the_name_of_its_file(name: str) -> Non
 def test_every_shipped_recipe_states_every_key(name: str) -> None:
     document = tomllib.loads(recipe_texts()[name])
 
-    stated = {(stage, key) for stage in STAGES for key in document[stage]}
-    assert stated == {(stage, key) for stage in STAGES for key in STAGES[stage]["properties"]}
+    stages = [stage for stage in STAGES if stage in document or stage not in ON_REQUEST]
+    stated = {(stage, key) for stage in stages for key in document[stage]}
+    assert stated == {(stage, key) for stage in stages for key in STAGES[stage]["properties"]}
 
 
 def test_250k_is_the_papers() -> None:
@@ -108,12 +113,14 @@ def test_the_schemas_defaults_are_the_dataclasses() -> None:
         for stage in STAGES
     }
 
-    assert recipe_parameters(Recipe("any")) == defaults
+    assert recipe_parameters(EVERYTHING) == defaults
+    asked_for_nothing = recipe_parameters(Recipe("any"))
+    assert asked_for_nothing == {k: v for k, v in defaults.items() if k not in ON_REQUEST}
 
 
 def test_every_type_of_the_schema_is_that_of_the_dataclass() -> None:
     kinds = {"number": float, "integer": int, "boolean": bool}
-    for stage, values in recipe_parameters(Recipe("any")).items():
+    for stage, values in recipe_parameters(EVERYTHING).items():
         for key, value in values.items():
             entry = STAGES[stage]["properties"][key]
             assert type(value) is kinds.get(entry.get("type"), str), f"{stage}.{key}"
@@ -289,7 +296,7 @@ def test_one_and_one_point_zero_hash_the_same(tmp_path: Path) -> None:
 
 def test_every_key_changes_the_hash() -> None:
     other = {"past": "future", "jpeg": "png", "4:4:4": "4:2:0"}
-    recipe = Recipe("any")
+    recipe = EVERYTHING
     hashes = {recipe_sha256(recipe)}
     for stage, values in recipe_parameters(recipe).items():
         for key, value in values.items():
@@ -306,6 +313,35 @@ def test_the_hash_of_250k_stays_what_it_is() -> None:
     assert recipe_sha256(load_recipe("250k")) == (
         "b35610e3a5a71d6b0a4922efef984db26cbb33f4a7e896bf9085f3ad7ceb3efc"
     )
+
+
+def test_an_empty_table_asks_for_a_stage_with_its_defaults(tmp_path: Path) -> None:
+    recipe = load_recipe(written(tmp_path, "[visibility]\n"))
+
+    assert recipe.visibility == VisibilityStage()
+    assert load_recipe("250k").visibility is None
+    assert load_recipe("250k-clean").visibility == VisibilityStage()
+
+
+def test_250k_clean_is_250k_that_looks_what_hides_what() -> None:
+    clean = load_recipe("250k-clean")
+
+    assert replace(clean, name="", description="", visibility=None) == replace(
+        load_recipe("250k"), name="", description=""
+    )
+
+
+@pytest.mark.parametrize(
+    ("setting", "fix"),
+    [
+        ("visibility.points=249999", "at least as many"),
+        ("visibility.closing_px=4", "take 5"),
+    ],
+)
+def test_a_front_that_cannot_be_closed_is_refused(setting: str, fix: str) -> None:
+    with pytest.raises(RecipeError, match=setting.split("=", maxsplit=1)[0]) as refused:
+        load_recipe("250k-clean", [setting])
+    assert fix in refused.value.fix
 
 
 def test_a_document_without_name_is_unnamed() -> None:

@@ -69,7 +69,7 @@ def manifest(mean_valid_share: float) -> Manifest:
     parameters = {
         stage.name: dataclasses.asdict(getattr(RECIPE, stage.name))
         for stage in dataclasses.fields(RECIPE)
-        if stage.name not in {"name", "description"}
+        if stage.name not in {"name", "description"} and getattr(RECIPE, stage.name) is not None
     }
     return Manifest(
         info=BridgeInfo(

@@ -1,0 +1,103 @@
+"""Pixels that show what the camera cannot see: far returns between those of a near surface.
+
+The LiDAR measured from other places than the camera's, and its returns are sparse: where a far one
+falls into a gap between those of a pier, it wins the pixel, and the pier has a hole in it. More
+points than the frame's show the pier's front more densely; a morphological closing of their depth
+(the least of each neighbourhood, then the largest of those) fills what holes remain. The second
+neighbourhood is wider than the first, so that a front must surround a pixel to hide it: beside an
+outline, and on ground seen at a grazing angle, nothing is taken away.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from civil_rgbd.constants import NO_DEPTH_M
+from civil_rgbd.domain.recipe import DepthStage, VisibilityStage
+from civil_rgbd.geometry.camera import PinholeCamera
+from civil_rgbd.pipeline.render import draw_nearest
+
+
+def front_depth(
+    depth_m: NDArray[np.float32],
+    others: Iterable[NDArray[np.float32]],
+    *,
+    T_camera_local: NDArray[np.float64],
+    camera: PinholeCamera,
+    limits: DepthStage,
+    stage: VisibilityStage,
+) -> NDArray[np.float32]:
+    """Return how far one can see: the depth of the nearest surface, its holes closed.
+
+    Args:
+        depth_m: (H, W) float32, metres, 0 = nothing measured; its points hide others too.
+        others: (3, n) float32 each, metres, local frame: more points that may hide some.
+        T_camera_local: (4, 4) local frame to camera optical frame.
+        camera: the pinhole.
+        limits: depth range of the points that count.
+        stage: how holes are closed.
+
+    Returns:
+        (H, W) float32, metres; inf where no surface is.
+    """
+    nearest = np.empty(depth_m.size + 1, dtype=np.float32)
+    _begin(depth_m.ravel(), np.float32(NO_DEPTH_M), nearest)
+    unrounded = dataclasses.replace(limits, step_m=0.0)
+    draw_nearest(
+        others, T_camera_local=T_camera_local, camera=camera, stage=unrounded, nearest=nearest
+    )
+    # Minima and maxima only: exact, whatever instructions the processor has. What lies outside of
+    # the image counts for neither.
+    surface = nearest[:-1].reshape(depth_m.shape)
+    grown = cv2.erode(surface, _square(stage.closing_px))
+    return np.asarray(cv2.dilate(grown, _square(stage.closing_px + 2 * stage.rim_px)))
+
+
+def remove_hidden(
+    depth_m: NDArray[np.float32], front_m: NDArray[np.float32], *, stage: VisibilityStage
+) -> int:
+    """Empty the pixels that lie behind the front.
+
+    Args:
+        depth_m: (H, W) float32, metres, 0 = nothing measured. Changed in place.
+        front_m: (H, W) float32, from :func:`front_depth`.
+        stage: how far behind the front a pixel must lie.
+
+    Returns:
+        how many pixels were emptied.
+    """
+    removed: int = _remove(
+        depth_m, front_m, stage.margin_m, 1.0 + stage.margin_share, np.float32(NO_DEPTH_M)
+    )
+    return removed
+
+
+def _square(side_px: int) -> NDArray[np.uint8]:
+    return np.ones((side_px, side_px), dtype=np.uint8)
+
+
+@numba.njit(cache=True, nogil=True)
+def _begin(depth_m, no_depth_m, nearest):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # a kernel: numba infers
+    for i in range(len(depth_m)):
+        nearest[i] = depth_m[i] if depth_m[i] != no_depth_m else np.float32(np.inf)
+    nearest[len(depth_m)] = np.float32(np.inf)
+
+
+# In float64 and without fastmath: no processor rounds it otherwise.
+@numba.njit(cache=True, nogil=True)
+def _remove(depth_m, front_m, margin_m, times, no_depth_m):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # a kernel: numba infers
+    removed = 0
+    rows, columns = depth_m.shape
+    for row in range(rows):
+        for column in range(columns):
+            limit_m = np.float64(front_m[row, column]) * times + margin_m
+            if np.float64(depth_m[row, column]) > limit_m:
+                depth_m[row, column] = no_depth_m
+                removed += 1
+    return removed
