@@ -23,6 +23,7 @@ _REFERENCE_SHARE: Final = 0.4  # concrete
 _SIGNAL_SHARE: Final = 0.05  # of the variance there that goes with the signal; an assumption
 _FOOTPRINT_RAD: Final = 0.28 / 360 * 2 * np.pi / np.sqrt(12)  # 1 sigma over the Avia's beam
 _CENTROID_SHARE: Final = 0.25  # of the footprint's spread that shows as noise; an assumption
+_WEAKEST: Final = 400.0  # hardly any pulse returns that is weaker still
 _STEEPEST: Final = 10.0  # tangent beyond which so slanting a beam hardly ever returns
 
 
@@ -72,7 +73,7 @@ def range_sigma_m(strength: Floats, range_m: Floats, cosine: Floats, *, at_20_m:
     [0.02]
     """
     reference = _REFERENCE_SHARE / REFERENCE_RANGE_M**2
-    weak = reference / np.maximum(strength, 1e-12)
+    weak = np.minimum(reference / np.maximum(strength, 1e-12), _WEAKEST)
     tangent = np.sqrt(np.maximum(1 - cosine * cosine, 0.0)) / np.maximum(cosine, 1e-6)
     spread = _CENTROID_SHARE * _FOOTPRINT_RAD * range_m * np.minimum(tangent, _STEEPEST)
     head_on = at_20_m * at_20_m * (1 - _SIGNAL_SHARE + _SIGNAL_SHARE * weak)
