@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from civil_rgbd.simulator.avia import avia_directions
+from civil_rgbd.simulator.catalogue import site_of
 from civil_rgbd.simulator.lidar import beam_directions, scan_stamps_ns, simulate_scan
-from civil_rgbd.simulator.spec import ScanSpec
+from civil_rgbd.simulator.spec import ScanSpec, usual_spec
 from civil_rgbd.simulator.walk import START_NS, imu_poses
 
 SPEC = ScanSpec(seconds=2.0, point_rate_hz=60_000)
@@ -146,3 +151,109 @@ def test_a_far_away_map_gives_the_same_points() -> None:
 def test_only_whole_messages_are_sent() -> None:
     assert len(scan_stamps_ns(ScanSpec(seconds=0.95))) == 9
     assert len(scan_stamps_ns(ScanSpec(seconds=0.3))) == 3
+
+
+AVIA = ScanSpec(seconds=2.0, point_rate_hz=60_000, pattern="avia")
+
+
+def test_the_avias_beams_point_where_its_law_says_at_each_six_points_time() -> None:
+    scan = simulate_scan(AVIA, 3)
+    ranges = np.linalg.norm(scan.points_lidar.astype(np.float64), axis=1)
+
+    met = ranges > 0
+    since = scan.stamp_ns - START_NS + scan.offset_ns.astype(np.int64)[::6]
+    beams = avia_directions(since)[met]
+    np.testing.assert_allclose(scan.points_lidar[met] / ranges[met, None], beams, rtol=0, atol=2e-7)
+    assert met.mean() > 0.5
+
+
+def test_points_of_a_bridge_lie_in_its_planes() -> None:
+    spec = ScanSpec(
+        bridge="B3", seconds=2.0, point_rate_hz=60_000, pattern="avia", moving=0, stands_s=0.0
+    )
+    points = _in_map(spec, 15, at_header=False)[::40]
+    scene = site_of("B3", moving=False).scene
+    distances = np.abs(
+        points[:, :1] * scene.normals[:, 0]
+        + points[:, 1:2] * scene.normals[:, 1]
+        + points[:, 2:] * scene.normals[:, 2]
+        - scene.offsets_m
+    ).min(axis=1)
+
+    assert len(points) > 100
+    assert distances.max() < 5e-5
+
+
+def test_dark_and_grazing_surfaces_drop_out_and_bright_ones_stay() -> None:
+    all_of_it = simulate_scan(AVIA, 4)
+    scan = simulate_scan(replace(AVIA, range_at_10_percent_m=60.0), 4)
+    met, kept = (s.points_lidar.any(axis=1) for s in (all_of_it, scan))
+    ranges = np.linalg.norm(all_of_it.points_lidar, axis=1)
+
+    assert not (kept & ~met).any()
+    near_wall = met & (all_of_it.reflectivity >= 60) & (ranges < 8)
+    far_road = met & (all_of_it.reflectivity == 15) & (ranges > 15)
+    assert near_wall.sum() > 300
+    assert far_road.sum() > 100
+    assert kept[near_wall].mean() > 0.99
+    assert kept[far_road].mean() < 0.3
+    assert (scan.reflectivity[~kept] == 0).all()
+    np.testing.assert_array_equal(scan.points_lidar[kept], all_of_it.points_lidar[kept])
+
+
+def test_noise_grows_with_range_and_slant() -> None:
+    exact = replace(AVIA, seconds=6.0, range_noise_m=0.0, range_at_10_percent_m=450.0)
+    noisy = replace(exact, range_noise_m=0.02)
+    true, errors = [], []
+    for index in range(0, 60, 4):
+        one, two = (
+            np.linalg.norm(simulate_scan(s, index).points_lidar.astype(float), axis=1)
+            for s in (exact, noisy)
+        )
+        both = (one > 0) & (two > 0)
+        true.append(one[both])
+        errors.append((two - one)[both])
+    ranges, off = np.concatenate(true), np.concatenate(errors)
+
+    near, far = (off[(ranges > a) & (ranges < b)] for a, b in ((2, 8), (40, 120)))
+    assert min(len(near), len(far)) > 100
+    assert near.std() == pytest.approx(0.0197, rel=0.1)
+    assert far.std() > 1.2 * near.std()
+
+
+def test_at_edges_ranges_mix_and_most_of_them_are_tagged() -> None:
+    plain = simulate_scan(AVIA, 2)
+    mixed = simulate_scan(replace(AVIA, beam_width_deg=0.28), 2)
+    before, after = (
+        np.linalg.norm(s.points_lidar.astype(np.float64), axis=1) for s in (plain, mixed)
+    )
+
+    changed = np.abs(after - before) > 1e-6
+    assert 10 < changed.sum() < 0.02 * len(changed)
+    assert (mixed.tag[~changed] == 0).mean() > 0.9999
+    assert 0.5 < (mixed.tag[changed] != 0).mean() < 1.0
+    assert np.abs(after - before).max() < 1.5
+
+
+def test_a_scan_of_a_bridge_is_of_its_seed() -> None:
+    spec = replace(usual_spec("B2"), seconds=3.0, point_rate_hz=6_000)
+    first, again, other = (
+        simulate_scan(s, 25) for s in (spec, replace(spec), replace(spec, seed=1))
+    )
+
+    np.testing.assert_array_equal(first.points_lidar, again.points_lidar)
+    np.testing.assert_array_equal(first.tag, again.tag)
+    assert (first.points_lidar != other.points_lidar).any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bridge", ["B1", "B2", "B3", "B4", "B5"])
+def test_a_whole_scan_takes_less_than_thirty_milliseconds_of_processor_time(bridge: str) -> None:
+    spec = usual_spec(bridge)
+    took = []
+    for index in range(30, 41):
+        begun = time.thread_time()
+        simulate_scan(spec, index)
+        took.append(time.thread_time() - begun)
+
+    assert min(took) < 0.030
