@@ -1,6 +1,6 @@
 """Kill a build thirty times at random moments, and compare what it ends with.
 
-    python benchmarks/kill.py [--kills 30] [--executor processes] [--seconds 5]
+    python benchmarks/kill.py [--kills 30] [--executor processes] [--seconds 12]
 
 A scan is simulated and built once without interruption. Then the same build is started again and
 again, killed (SIGKILL) after a random part of its time, and in the end left alone. Prints how many
@@ -28,7 +28,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=30)
     parser.add_argument("--executor", choices=["serial", "processes", "dask"], default="processes")
-    parser.add_argument("--seconds", type=float, default=5.0, help="length of the scan")
+    parser.add_argument("--seconds", type=float, default=12.0, help="length of the scan")
     given = parser.parse_args()
     dice = random.Random(given.executor)  # noqa: S311  # no secret
     with tempfile.TemporaryDirectory() as scratch:
