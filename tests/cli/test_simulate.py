@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -130,3 +131,34 @@ def test_a_rig_file_that_is_there_is_not_replaced_unasked(
 
     assert main([*command, "--overwrite"]) == 0
     assert "T_lidar_camera" in (tmp_path / "raw.rig.toml").read_text()
+
+
+def test_the_file_may_be_named_by_an_option_and_any_setting_set(tmp_path: Path) -> None:
+    out = str(tmp_path / "b3.mcap")
+    options = ["--image-rate-hz", "0.5", "--set", "stands_s=0", "--truth"]  # no image: quick
+    options += ["--extrinsic-error-deg", "0", "1.5", "0"]
+
+    assert main(["simulate", "--bridge", "B3", *QUICK, *options, "--out", out]) == 0
+
+    spec = json.loads((tmp_path / "b3.truth" / "scene.json").read_text())["spec"]
+    assert (spec["bridge"], spec["pattern"]) == ("B3", "avia")
+    assert spec.get("stands_s", 0.0) == 0.0
+    assert spec["extrinsic_error_deg"] == [0.0, 1.5, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        ([], "no file to write to"),
+        (["one.mcap", "--out", "two.mcap"], "two files to write to: two.mcap, one.mcap"),
+        (["one.mcap", "--set", "sway"], "--set 'sway' is not of the form NAME=VALUE"),
+        (["one.mcap", "--set", "seed=1", "--seed", "2"], "--set 'seed=1' is given twice"),
+        (["one.mcap", "--set", "swya=1"], "did you mean 'sway'"),
+        (["one.mcap", "--extrinsic-error-m", "0", "nan", "0"], "not finite"),
+    ],
+)
+def test_orders_that_do_not_fit_are_refused(
+    arguments: list[str], what: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", *arguments]) == 2
+    assert what in capsys.readouterr().err

@@ -5,7 +5,13 @@ from __future__ import annotations
 import pytest
 
 from civil_rgbd.errors import UsageError
-from civil_rgbd.simulator.spec import ScanSpec, spec_from_location, spec_from_settings
+from civil_rgbd.simulator.spec import (
+    BRIDGES,
+    ScanSpec,
+    spec_from_location,
+    spec_from_settings,
+    usual_spec,
+)
 
 
 def test_a_location_gives_bridge_and_settings() -> None:
@@ -56,3 +62,35 @@ def test_settings_may_be_numbers_already() -> None:
 def test_a_spec_refuses_an_offset_that_is_not_finite() -> None:
     with pytest.raises(ValueError, match="map_offset_m"):
         ScanSpec(map_offset_m=(0.0, float("nan"), 0.0))
+
+
+def test_the_demo_is_exact_and_the_other_bridges_are_scanned_as_in_the_field() -> None:
+    assert usual_spec("demo") == ScanSpec()
+    for bridge in BRIDGES[1:]:
+        spec = usual_spec(bridge)
+        assert spec.bridge == bridge
+        assert (spec.pattern, spec.image_rate_hz, spec.range_noise_m) == ("avia", 30.0, 0.02)
+        assert spec.stands_s > 0
+        assert min(spec.imu_noise, spec.drift_m_per_root_s, spec.yaw_drift_deg_per_root_s) > 0
+        assert (spec.camera_time_offset_s, spec.exposure_settles_s) == (0.0, 0.0)  # on request
+
+
+def test_what_is_asked_for_wins_over_what_is_usual() -> None:
+    spec = spec_from_location("simulated:B3?drift_m_per_root_s=0&seconds=4")
+
+    assert (spec.drift_m_per_root_s, spec.seconds, spec.pattern) == (0.0, 4.0, "avia")
+
+
+def test_settings_younger_than_the_demo_leave_its_text_alone() -> None:
+    assert set(ScanSpec().document()) == {
+        "bridge", "camera_time_offset_s", "extrinsic_error_deg", "extrinsic_error_m",
+        "false_return_share", "image_rate_hz", "image_scale", "jpeg_quality", "map_offset_m",
+        "max_range_m", "min_range_m", "point_rate_hz", "range_noise_m", "seconds", "seed",
+        "speed_m_s",
+    }  # fmt: skip
+    assert ScanSpec(sway=2.0).document()["sway"] == 2.0
+
+
+def test_an_unknown_pattern_is_refused() -> None:
+    with pytest.raises(UsageError, match="pattern is 'mid360', not one of rosette, avia"):
+        spec_from_location("simulated:demo?pattern=mid360")

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from civil_rgbd.simulator.bridge import caster_of
-from civil_rgbd.simulator.spec import ScanSpec
+from civil_rgbd.simulator.catalogue import SITES, site_caster_of
+from civil_rgbd.simulator.spec import ScanSpec, usual_spec
 from civil_rgbd.simulator.walk import (
     START_NS,
     T_LIDAR_CAMERA,
     camera_poses,
+    dense_imu_poses,
     image_instants_ns,
     imu_poses,
     imu_readings,
@@ -152,3 +156,51 @@ def test_images_are_taken_inside_the_trajectory() -> None:
         spec = ScanSpec(seconds=seconds, image_rate_hz=30.0)
         assert image_instants_ns(spec)[-1] <= pose_stamps_ns(spec)[-1]
         assert image_instants_ns(spec)[0] >= START_NS
+
+
+@pytest.mark.parametrize("bridge", sorted(set(SITES) - {"demo"}))
+def test_a_long_walk_past_any_bridge_keeps_off_its_walls(bridge: str) -> None:
+    spec = replace(usual_spec(bridge), seconds=150.0)
+    places, _ = imu_poses(spec, pose_stamps_ns(spec)[::40])
+    caster = site_caster_of(bridge, moving=False).standing
+
+    for azimuth in range(0, 360, 30):
+        direction = np.array([np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth)), 0.0])
+        distances, _ = caster.distances(places, np.broadcast_to(direction, places.shape).copy())
+        assert distances[distances > 0].min(initial=np.inf) > 0.4
+    down, _ = caster.distances(places, np.broadcast_to([0.0, 0.0, -1.0], places.shape).copy())
+    assert 0.9 < down.min() < down.max() < 1.9  # chest high, above something to stand on
+
+
+@pytest.mark.parametrize("bridge", ["demo", "B4"])
+def test_poses_close_together_may_be_interpolated(bridge: str) -> None:
+    spec = usual_spec(bridge)
+    stamps = START_NS + 5_000_000_007 + np.arange(24_000, dtype=np.int64) * 100_000_000 // 24_000
+
+    (places, turns), (fast_places, fast_turns) = (
+        function(spec, stamps) for function in (imu_poses, dense_imu_poses)
+    )
+
+    np.testing.assert_allclose(fast_places, places, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(fast_turns, turns, rtol=0, atol=1e-8)
+
+
+def test_interpolation_is_not_misled_where_a_quaternion_changes_its_sign() -> None:
+    spec = ScanSpec(seconds=60.0)
+    stamps = START_NS + np.arange(0, 60 * 10**9, 100_000, dtype=np.int64)
+    _, turns = imu_poses(spec, stamps)
+    flip = int(np.flatnonzero((turns[:-1] * turns[1:]).sum(axis=1) < 0)[0])
+    close = stamps[flip] - 1_050_000 + np.arange(0, 2_100_000, 4_167, dtype=np.int64)
+
+    fast, exact = (Rotation.from_quat(f(spec, close)[1]) for f in (dense_imu_poses, imu_poses))
+
+    assert (fast.inv() * exact).magnitude().max() < 1e-7
+
+
+def test_the_demos_walker_may_stand_first_too() -> None:
+    spec = ScanSpec(stands_s=1.0, seconds=4.0)
+    places, turns = imu_poses(spec, pose_stamps_ns(spec))
+
+    assert np.ptp(places[:199], axis=0).max() == 0
+    assert np.ptp(turns[:199], axis=0).max() == 0
+    assert np.linalg.norm(places[-1] - places[0]) > 1.5
