@@ -33,7 +33,7 @@ SITES: Final[dict[str, Callable[[int], Site]]] = {
 """What makes each site from the seed of its clutter, cars and people."""
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=12)
 def site_of(bridge: str, *, moving: bool = True, seed: int = 0) -> Site:
     """Return a bridge and everything about it.
 
@@ -42,14 +42,19 @@ def site_of(bridge: str, *, moving: bool = True, seed: int = 0) -> Site:
         moving: False leaves out whatever moves.
         seed: of clutter, cars and people.
     """
-    site = SITES[bridge](seed)
-    return site if moving else Site(site.scene, (), site.spalls, site.path)
+    if moving:
+        return SITES[bridge](seed)
+    site = site_of(bridge, seed=seed)  # they share what stands
+    return Site(site.scene, (), site.spalls, site.path)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=12)
 def site_caster_of(bridge: str, *, moving: bool = True, seed: int = 0) -> SiteCaster:
     """Return the rays of a site, as :func:`site_of` takes it."""
-    return SiteCaster(site_of(bridge, moving=moving, seed=seed))
+    if moving:
+        return SiteCaster(site_of(bridge, seed=seed))
+    standing = site_caster_of(bridge, seed=seed).standing
+    return SiteCaster(site_of(bridge, moving=False, seed=seed), standing=standing)
 
 
 @lru_cache(maxsize=2)

@@ -54,7 +54,7 @@ MATERIALS: Final = {
     "spall": Material((0.46, 0.38, 0.30), 0.8, 45, 0.2),
     "steel": Material((0.16, 0.27, 0.21), 2.0, 40, 0.5),
     "galvanised": Material((0.42, 0.43, 0.44), 1.0, 90, 0.2),
-    "gravel": Material((0.40, 0.37, 0.32), 2.0, 45, 0.4),
+    "gravel": Material((0.30, 0.27, 0.23), 2.0, 45, 0.4),
     "brick": Material((0.40, 0.20, 0.14), 1.6, 50, 0.4),
     "bush": Material((0.05, 0.09, 0.03), 1.5, 25, 0.4),
     "leaf": Material((0.17, 0.29, 0.07), 1.5, 40, 0.6),
@@ -66,6 +66,7 @@ MATERIALS: Final = {
     "blue": Material((0.07, 0.13, 0.35), 2.0, 40, 0.05),
     "orange": Material((0.80, 0.30, 0.04), 2.0, 120, 0.05),
     "cloth": Material((0.48, 0.44, 0.36), 1.0, 60, 0.1),
+    "footway": Material((0.31, 0.30, 0.29), 2.4, 45, 0.45),
     "skin": Material((0.50, 0.33, 0.25), 1.0, 80, 0.0),
 }
 """Every material that a face can be made of. New ones go last: a tile's seed is its place."""
@@ -212,6 +213,7 @@ _SHADES: Final[dict[str, Callable[[np.random.Generator], NDArray[np.float32]]]] 
     "spall": _broken,
     "steel": _painted_steel,
     "gravel": _road,
+    "footway": _paving,
     "brick": _brick,
     "bush": _leafy,
     "leaf": _leafy,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from civil_rgbd.simulator.motion import Stroll
@@ -9,7 +11,7 @@ from civil_rgbd.simulator.path import WalkPath
 from civil_rgbd.simulator.site import Site
 from civil_rgbd.simulator.sites.draft import FAR_M, Draft
 from civil_rgbd.simulator.sites.furniture import Railing, put_cones, put_railing, put_sign
-from civil_rgbd.simulator.sites.plants import put_bush, put_tree, put_tufts
+from civil_rgbd.simulator.sites.plants import put_bush, put_far_trees, put_tree, put_tufts
 from civil_rgbd.simulator.sites.traffic import (
     CAR_PAINTS,
     car,
@@ -54,10 +56,10 @@ def box_girder_site(seed: int) -> Site:
         if rng.random() < 0.8:  # most slots are taken
             put(draft, car(CAR_PAINTS[int(rng.integers(5))]), (x, -15.2, 0.0), ahead)
     _green(draft, rng)
-    ride = Stroll((0.0, 6.9, 0.0), 60.0, -0.4, 0.014, rng.random())
+    ride = Stroll((0.0, 6.1, 0.0), 60.0, -0.2, 0.014, rng.random())
     movers = [
         *drivers(rng, [(-13.0, 1), (-10.0, -1)], z_m=0.0),
-        *strollers(rng, [((4.0, 7.1), 14.0, 0.3), ((-10.0, 6.8), 8.0, 0.3)], z_m=0.0),
+        *strollers(rng, [((4.0, 7.75), 14.0, 0.2), ((-10.0, 7.0), 8.0, 0.15)], z_m=0.0),
         mover("cyclist-1", cyclist("red"), ride),
     ]
     corners = ((-28, -3.6), (24, -3.6), (27, 0), (24, 3.4), (-26, 3.4), (-30, 0))
@@ -96,8 +98,7 @@ def _girder(draft: Draft) -> None:
 
 
 def _runs(run: tuple[float, float]) -> list[tuple[float, float]]:
-    ends = np.linspace(*run, 9).tolist()
-    return list(zip(ends[:-1], ends[1:], strict=True))
+    return list(pairwise(np.linspace(*run, 9).tolist()))
 
 
 def _supports(draft: Draft) -> None:
@@ -134,7 +135,7 @@ def _ground(draft: Draft) -> None:
         draft.level("grass", "grass", x, (-8.6, -4.6))
         draft.level("ground", "gravel", x, (-4.6, 4.6))
         draft.level("grass", "grass", x, (4.6, 5.6))
-        draft.level("trail", "paving", x, (5.6, 8.2))
+        draft.level("trail", "footway", x, (5.6, 8.2))
         draft.level("grass", "grass", x, (8.2, FAR_M))
     fence = Railing(height_m=1.1, bar_m=0.016, spacing_m=0.12, material="dark")
     for start in (-30.0, -6.0, 10.0):
@@ -148,6 +149,7 @@ def _green(draft: Draft, rng: np.random.Generator) -> None:
         away = rng.uniform(12.5, 18) if near else rng.uniform(20, 50)
         y = -away - 8 if index % 2 else away
         put_tree(draft, rng, (x, y, 0.0), sun=_SUN, near=near)
+    put_far_trees(draft, rng, gap_y_m=16.0)
     for index in range(20):
         y = rng.uniform(-8.0, -5.6) if index % 2 else rng.uniform(9.9, 12.0)
         place = (rng.uniform(-38, 38), y, 0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -144,11 +145,6 @@ def _pieces(face: Face) -> list[Face]:
     across = np.linspace(corners[0], corners[1], counts[0] + 1)
     return [
         Face(face.part, face.material, np.stack([p + b * s, q + b * s, q + b * e, p + b * e]))
-        for p, q in zip(across[:-1], across[1:], strict=True)
-        for s, e in zip(*_shares(counts[1]), strict=True)
+        for p, q in pairwise(across)
+        for s, e in pairwise(k / counts[1] for k in range(counts[1] + 1))
     ]
-
-
-def _shares(count: int) -> tuple[list[float], list[float]]:
-    shares = [k / count for k in range(count + 1)]
-    return shares[:-1], shares[1:]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from civil_rgbd.simulator.path import WalkPath
@@ -54,7 +56,7 @@ def frame_site(seed: int) -> Site:
     put_green(draft, rng, sun=_SUN, foot_x_m=18.0, beside_y_m=9.7)
     movers = [
         *drivers(rng, [(-1.8, 1), (1.7, -1)], z_m=0.0),
-        *strollers(rng, [((-2.0, 6.6), 13.0, 0.4), ((7.0, 6.4), 9.0, 0.3)], z_m=_KERB_M),
+        *strollers(rng, [((-2.0, 7.2), 13.0, 0.2), ((7.0, 6.4), 9.0, 0.2)], z_m=_KERB_M),
     ]
     corners = ((-14, -6.8), (14, -6.8), (16, -5.8), (13, -4.6), (-13, -4.6), (-16, -5.8))
     path = WalkPath(tuple((float(x), y, _KERB_M if y < -5.4 else 0.0) for x, y in corners))
@@ -84,10 +86,9 @@ def _frame(draft: Draft) -> None:
         upper = (_SPRING_Z_M, _TOP_Z_M)
         draft.box("abutment", "wall", (deck, legs, upper))
         ys = np.linspace(side * _FLAT_M, side * _LEG_Y_M, _SEGMENTS + 1).tolist()
-        for inner, outer in zip(ys[:-1], ys[1:], strict=True):
-            outline = np.array([
-                (inner, soffit_z_m(inner)), (outer, soffit_z_m(outer)), (outer, _TOP_Z_M), (inner, _TOP_Z_M),
-            ])  # fmt: skip
+        for inner, outer in pairwise(ys):
+            low = [(inner, soffit_z_m(inner)), (outer, soffit_z_m(outer))]
+            outline = np.array([*low, (outer, _TOP_Z_M), (inner, _TOP_Z_M)])
             draft.bar("soffit", "soffit", outline[::side], along=0, span_m=deck)
     hollows = (
         SpallPlan("B5-4", (7.0, 0.9), 0.60, 0.45, 0.045, 54),

@@ -57,7 +57,7 @@ def girder_site(seed: int) -> Site:
         put_markings(draft, y, z_m=0.0)
     for x in (-22.0, 16.0):
         put_lamp(draft, (x, 8.5), height_m=7.0, arm_m=-1.6, z_m=_KERB_M)
-    put_sign(draft, (-12.5, -6.6), z_m=_KERB_M, turned=False, material="sign")
+    put_sign(draft, (-13.5, -8.75), z_m=_KERB_M, turned=False, material="sign")
     put_cones(draft, [(7.5, -5.9), (9.0, -5.8), (10.5, -5.7)], z_m=0.0)
     slots = [(-11.5, 5.3, -1), (3.4, 5.25, -1), (10.0, 5.3, -1), (18.0, -5.3, 1)]
     for k in sorted(rng.choice(4, 3, replace=False).tolist()):
@@ -65,18 +65,14 @@ def girder_site(seed: int) -> Site:
         put(draft, car(CAR_PAINTS[int(rng.integers(5))]), (x, y, 0.0), ahead)
     put_green(draft, rng, sun=_SUN, foot_x_m=17.0, beside_y_m=10.6)
     movers = [
-        *drivers(rng, [(-3.9, 1), (2.4, -1)], z_m=0.0),
-        *strollers(rng, [((2.0, 7.7), 13.0, 0.4), ((-8.0, 7.3), 9.0, 0.3)], z_m=_KERB_M),
+        *drivers(rng, [(-3.0, 1), (2.4, -1)], z_m=0.0),
+        *strollers(rng, [((2.0, 7.9), 13.0, 0.2), ((-8.0, 7.1), 9.0, 0.2)], z_m=_KERB_M),
     ]
     corners = (
-        (-14.0, -7.9),
-        (14.0, -7.9),
-        (16.0, -7.0),
-        (13.0, -6.1),
-        (-13.0, -6.1),
-        (-16.0, -7.0),
+        *((-14.0, -7.9), (14.0, -7.9), (16.0, -7.4)),
+        *((13.0, -6.75), (-13.0, -6.75), (-16.0, -7.4)),
     )
-    path = WalkPath(tuple((x, y, _KERB_M if y < -6.3 else 0.0) for x, y in corners))
+    path = WalkPath(tuple((x, y, _KERB_M) for x, y in corners))
     return Site(draft.scene("B1", _DIMENSIONS_M, _SUN), tuple(movers), tuple(draft.spalls), path)
 
 
@@ -86,10 +82,8 @@ def _deck(draft: Draft) -> None:
         SpallPlan("B1-3", (8.0, 6.2), 0.62, 0.40, 0.045, 13),  # between two girders
         SpallPlan("B1-4", (6.0, 16.2), 0.30, 0.24, 0.030, 14),
     )
-    draft.box(
-        "soffit", "soffit", ((-_HALF_DECK_M, _HALF_DECK_M), ends, (_SOFFIT_Z_M, _SOFFIT_Z_M + _SLAB_M)),
-        {"-z": hollows},
-    )  # fmt: skip
+    slab = ((-_HALF_DECK_M, _HALF_DECK_M), ends, (_SOFFIT_Z_M, _SOFFIT_Z_M + _SLAB_M))
+    draft.box("soffit", "soffit", slab, {"-z": hollows})
     half, web = _FLANGE_M / 2, _WEB_M / 2
     low, high = _GIRDER_Z_M, _SOFFIT_Z_M
     reach: Span = (-_ABUTMENT_Y_M - 0.5, _ABUTMENT_Y_M + 0.5)
@@ -151,4 +145,4 @@ def _supports(draft: Draft) -> None:
     draft.box("pier", "slab", ((-5.8, 5.8), (-_PIER_Y_M, _PIER_Y_M), cap), {"-y": hollows})
     for x in (-4.4, 0.0, 4.4):
         draft.column("pier", "wall", (x, 0.0), radius_m=_COLUMN_M, z_m=(0.0, cap[0]))
-    draft.box("pier", "paving", ((-8.0, 8.0), (-0.9, 0.9), (0.0, 0.12)))
+    draft.box("pier", "footway", ((-8.0, 8.0), (-0.9, 0.9), (0.0, 0.12)))

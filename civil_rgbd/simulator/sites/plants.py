@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from civil_rgbd.simulator.scene import Face
 from civil_rgbd.simulator.sites.draft import Draft, octagon
+from civil_rgbd.simulator.waves import cosine, sine
 
 Sun = tuple[float, float, float]
 
@@ -19,7 +20,6 @@ def leaves(
     *,
     size_m: float,
     sun: Sun,
-    material: str,
 ) -> list[Face]:
     """Return a leaf at each of (N, 3) spots, turned at random; its lit side faces the sun."""
     count = len(spots_m)
@@ -37,7 +37,7 @@ def leaves(
         [spots_m - a * size * 0.5 - b * size * 0.4, spots_m + a * size * 0.6,
          spots_m - a * size * 0.3 + b * size * 0.6], axis=1,
     )  # fmt: skip
-    return [Face("plant", material, leaf) for leaf in corners]
+    return [Face("plant", "leaf", leaf) for leaf in corners]
 
 
 def _in_ball(rng: np.random.Generator, count: int, *, hollow: float) -> NDArray[np.float64]:
@@ -52,10 +52,12 @@ def put_bush(
     """Put a bush on the ground: a dark heart, leaves all about it."""
     place = np.asarray(place_m, dtype=np.float64)
     radii = radius_m * rng.uniform(0.8, 1.2, 3)
-    draft.add(_crown(place + [0, 0, -0.05], radii * [0.75, 0.75, 0.8], "bush", rings=_BUSH))
+    draft.add(
+        _crown(place - np.array([0, 0, 0.05]), radii * [0.75, 0.75, 0.8], "bush", rings=_BUSH)
+    )
     spots = _in_ball(rng, 150, hollow=0.7) * radii + place + [0, 0, radii[2] * 0.75]
     spots = spots[spots[:, 2] > place[2] + 0.03]
-    draft.add(leaves(rng, spots, size_m=0.11 + 0.06 * radius_m, sun=sun, material="leaf"))
+    draft.add(leaves(rng, spots, size_m=0.11 + 0.06 * radius_m, sun=sun))
 
 
 def put_tree(
@@ -68,10 +70,20 @@ def put_tree(
     x, y, z = place.tolist()
     trunk = (z - 0.2, z + height + float(radii[2]) * 0.4)
     draft.column("tree", "bark", (x, y), radius_m=rng.uniform(0.12, 0.24), z_m=trunk)
-    draft.add(_crown(place + [0, 0, height], radii * 0.85, "bush", rings=_TREE))
+    draft.add(_crown(place + np.array([0, 0, height]), radii * 0.85, "bush", rings=_TREE))
     count, size = (420, 0.3) if near else (110, 0.6)
     spots = _in_ball(rng, count, hollow=0.72) * radii + place + [0, 0, height + radii[2] * 0.8]
-    draft.add(leaves(rng, spots, size_m=size, sun=sun, material="leaf"))
+    draft.add(leaves(rng, spots, size_m=size, sun=sun))
+
+
+def put_far_trees(draft: Draft, rng: np.random.Generator, *, gap_y_m: float) -> None:
+    """Ring the ground with woods, but for a gap along x so many metres to both sides of y = 0."""
+    for turn in (np.arange(110) + rng.uniform(0, 0.8, 110)) / 110:
+        far = rng.uniform(100, 145)
+        x, y = far * cosine(np.array([turn]))[0], far * sine(np.array([turn]))[0]
+        size = np.array([1.0, 1.0, 1.2]) * rng.uniform(3.5, 6.5)
+        if abs(y) > gap_y_m + 8:
+            draft.add(_crown(np.array([x, y, -0.5]), size, "foliage", rings=_TREE))
 
 
 def put_tufts(
@@ -95,7 +107,7 @@ def put_ivy(
     draft: Draft, rng: np.random.Generator, spots_m: NDArray[np.float64], *, sun: Sun
 ) -> None:
     """Let ivy leaves hang at (N, 3) spots, such as just off a wall."""
-    draft.add(leaves(rng, spots_m, size_m=0.12, sun=sun, material="leaf"))
+    draft.add(leaves(rng, spots_m, size_m=0.12, sun=sun))
 
 
 _TREE = ((0.45, 0.0), (0.95, 0.45), (0.9, 1.1), (0.4, 1.65))

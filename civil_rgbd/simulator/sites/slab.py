@@ -47,7 +47,7 @@ def slab_site(seed: int) -> Site:
         put_markings(draft, y, z_m=0.0, material="sign")
     put_lamp(draft, (-19.0, 7.6), height_m=6.5, arm_m=-1.5, z_m=_KERB_M)
     put_sign(draft, (11.0, -6.3), z_m=_KERB_M, turned=True, material="white")
-    slots = [(-13.0, 5.1, -1), (-6.4, 5.1, -1), (5.6, 5.05, -1), (12.2, 5.1, -1)]
+    slots = [(-13.0, 4.95, -1), (-6.4, 4.95, -1), (5.6, 4.9, -1), (12.2, 4.95, -1)]
     for k in sorted(rng.choice(4, 3, replace=False).tolist()):
         x, y, ahead = slots[k]
         paint = CAR_PAINTS[int(rng.integers(5))]
@@ -61,7 +61,7 @@ def slab_site(seed: int) -> Site:
     put_ivy(draft, rng, spots, sun=_SUN)
     movers = [
         *drivers(rng, [(-2.4, 1), (2.2, -1)], z_m=0.0),
-        *strollers(rng, [((0.0, 7.2), 12.0, 0.3), ((10.0, 6.9), 8.0, 0.3)], z_m=_KERB_M),
+        *strollers(rng, [((0.0, 7.5), 12.0, 0.2), ((10.0, 6.7), 8.0, 0.2)], z_m=_KERB_M),
     ]
     corners = ((-13, -7.4), (13, -7.4), (15, -6.4), (12, -5.2), (-12, -5.2), (-15, -6.4))
     path = WalkPath(tuple((float(x), y, _KERB_M if y < -6 else 0.0) for x, y in corners))
@@ -85,7 +85,7 @@ def _structure(draft: Draft) -> None:
     )
     half = _PIER_M / 2
     draft.box("pier", "aged", ((-6.2, 6.2), (-half, half), (0.0, _SOFFIT_Z_M)), {"-y": pier})
-    draft.box("pier", "paving", ((-8.5, 8.5), (-1.0, 1.0), (0.0, _KERB_M)))
+    draft.box("pier", "footway", ((-8.5, 8.5), (-1.0, 1.0), (0.0, _KERB_M)))
     for side in (-1, 1):  # cutwaters: pointed ends
         nose = np.array([(side * 6.2, -half), (side * 6.7, 0.0), (side * 6.2, half)])
         draft.bar("pier", "aged", nose[::side], along=2, span_m=(0.0, _SOFFIT_Z_M - 0.4))

@@ -8,7 +8,13 @@ import numpy as np
 
 from civil_rgbd.simulator.sites.draft import FAR_M, Draft, Span
 from civil_rgbd.simulator.sites.furniture import put_house
-from civil_rgbd.simulator.sites.plants import Sun, put_bush, put_tree, put_tufts
+from civil_rgbd.simulator.sites.plants import (
+    Sun,
+    put_bush,
+    put_far_trees,
+    put_tree,
+    put_tufts,
+)
 
 NEAR_M = 30.0
 """Half the stretch along x where the ground is finely lit."""
@@ -61,8 +67,8 @@ def put_road(
     low, high = sorted(road_y_m)
     strips = [
         ("road", "road", (low, high), 0.0),
-        ("sidewalk", "paving", (low - walk_y_m, low), kerb_m),
-        ("sidewalk", "paving", (high, high + walk_y_m), kerb_m),
+        ("sidewalk", "footway", (low - walk_y_m, low), kerb_m),
+        ("sidewalk", "footway", (high, high + walk_y_m), kerb_m),
     ]
     if end_y_m > high + walk_y_m:
         strips.append(("verge", "gravel", (high + walk_y_m, end_y_m), kerb_m))
@@ -109,6 +115,7 @@ def put_green(
     x = rng.uniform(foot_x_m, foot_x_m + 14, 60) * np.where(rng.random(60) < 0.5, -1, 1)
     y = (beside_y_m + rng.uniform(0.1, 0.8, 60)) * np.where(rng.random(60) < 0.5, -1, 1)
     put_tufts(draft, rng, np.stack([x, y, np.zeros(60)], axis=1), sun=sun)
+    put_far_trees(draft, rng, gap_y_m=beside_y_m)
     for end, side in ((-1, 1), (1, -1), (1, 1)):
         x0, y0 = end * rng.uniform(50, 70), side * (beside_y_m + rng.uniform(14, 20))
         put_house(draft, (x0, x0 + end * 14), (y0, y0 + side * 10), height_m=rng.uniform(5.5, 9.5))

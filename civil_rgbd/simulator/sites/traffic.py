@@ -10,6 +10,7 @@ from civil_rgbd.simulator.scene import Face, Scene
 from civil_rgbd.simulator.sites.draft import Draft, octagon
 
 CAR_PAINTS = ("white", "red", "blue", "dark", "silver")
+_STRETCH_M = 240.0
 CLOTHES = ("dark", "red", "blue", "orange", "cloth")
 
 
@@ -121,17 +122,16 @@ def drivers(
     lanes: list[tuple[float, int]],
     *,
     z_m: float,
-    stretch_m: float = 240.0,
 ) -> list[Mover]:
     """Return two cars or vans on each lane: its middle along y, and 1 or -1 for its direction."""
     movers = []
     for lane, (y, ahead) in enumerate(lanes):
-        speed, start = rng.uniform(5.0, 11.0), rng.uniform(0, stretch_m)
+        speed, start = rng.uniform(5.0, 11.0), rng.uniform(0, _STRETCH_M)
         for k in range(2):
             paint = CAR_PAINTS[int(rng.integers(len(CAR_PAINTS)))]
             body = van(paint) if rng.random() < 0.25 else car(paint)
-            run = start + (k + rng.uniform(-0.2, 0.2)) * stretch_m / 2
-            drive = Drive((0.0, y, z_m), (float(ahead), 0.0), speed, stretch_m, run)
+            run = start + (k + rng.uniform(-0.2, 0.2)) * _STRETCH_M / 2
+            drive = Drive((0.0, y, z_m), (float(ahead), 0.0), speed, _STRETCH_M, run)
             movers.append(mover(f"car-{2 * lane + k + 1}", body, drive))
     return movers
 

@@ -38,19 +38,19 @@ def underpass_site(seed: int) -> Site:
     _ground(draft)
     put_lamp(draft, (-16.0, 2.6), height_m=4.2, arm_m=-0.6, z_m=0.0)
     put_lamp(draft, (17.0, -2.6), height_m=4.2, arm_m=0.6, z_m=0.0)
-    put_sign(draft, (-10.6, -2.5), z_m=0.0, turned=False, material="sign")
+    put_sign(draft, (-10.6, -2.95), z_m=0.0, turned=False, material="sign")
     for x in (-5.0, 0.0, 5.0):
         draft.box("lamp", "white", ((x - 0.3, x + 0.3), (-0.09, 0.09), (3.02, _SOFFIT_Z_M)))
     draft.box("pipe", "galvanised", ((-9.0, 9.0), (3.06, 3.14), (2.6, 2.68)))
     put_green(draft, rng, sun=_SUN, foot_x_m=17.5, beside_y_m=3.0)
     _wild(draft, rng)
     shirt = CLOTHES[int(rng.integers(len(CLOTHES)))]
-    ride = Stroll((0.0, 0.95, 0.0), 45.0, -0.35, 0.02, rng.random())
+    ride = Stroll((0.0, 0.05, 0.0), 45.0, -0.2, 0.02, rng.random())
     movers = [
-        *strollers(rng, [((-4.0, 1.1), 12.0, 0.3), ((9.0, 0.9), 9.0, 0.25)], z_m=0.0),
+        *strollers(rng, [((-4.0, 1.65), 12.0, 0.15), ((9.0, 0.95), 9.0, 0.15)], z_m=0.0),
         mover("cyclist-1", cyclist(shirt), ride),
     ]
-    corners = ((-15, -2.1), (15, -2.1), (16.5, -1.4), (14, -0.6), (-14, -0.6), (-16.5, -1.4))
+    corners = ((-15, -2.2), (15, -2.2), (16.5, -1.7), (14, -1.2), (-14, -1.2), (-16.5, -1.7))
     path = WalkPath(tuple((float(x), y, 0.0) for x, y in corners), look_up_deg=6.0)
     scene = draft.scene("B2", _DIMENSIONS_M, _SUN)
     return Site(scene, tuple(movers), tuple(draft.spalls), path)
