@@ -112,12 +112,12 @@ class VisibilityStage:
         margin_share: more than this share of the front's depth.
     """
 
-    points: int = 1_000_000
+    points: int = 500_000
     max_age_s: float = 0.0
     closing_px: int = 5
     rim_px: int = 1
-    margin_m: float = 0.1
-    margin_share: float = 0.02
+    margin_m: float = 0.2
+    margin_share: float = 0.05
 
 
 @dataclass(frozen=True, slots=True)

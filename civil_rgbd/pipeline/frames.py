@@ -19,7 +19,7 @@ from civil_rgbd.pipeline.accumulate import PointWindow, SlidingWindow
 from civil_rgbd.pipeline.image import ImageMaker, image_maker
 from civil_rgbd.pipeline.prepare import MappedScan, PointCounts, local_origin, map_scan
 from civil_rgbd.pipeline.render import render_depth
-from civil_rgbd.pipeline.visibility import front_depth, remove_hidden
+from civil_rgbd.pipeline.visibility import closed_front, nearest_surface, remove_hidden
 
 _KEPT_WINDOWS = 2  # how many windows' worth of mapped points are kept for windows to come
 
@@ -161,14 +161,14 @@ class FrameMaker:
         """
         if self.recipe.visibility is None:
             return 0
-        front_m = front_depth(
+        surface_m = nearest_surface(
             depth_m,
             around.beyond(window),
             T_camera_local=self._from_local(T_map_camera),
             camera=self.images.camera,
             limits=self.recipe.depth,
-            stage=self.recipe.visibility,
         )
+        front_m = closed_front(surface_m, stage=self.recipe.visibility)
         return remove_hidden(depth_m, front_m, stage=self.recipe.visibility)
 
     def _make_one(

@@ -24,27 +24,25 @@ from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.pipeline.render import draw_nearest
 
 
-def front_depth(
+def nearest_surface(
     depth_m: NDArray[np.float32],
     others: Iterable[NDArray[np.float32]],
     *,
     T_camera_local: NDArray[np.float64],
     camera: PinholeCamera,
     limits: DepthStage,
-    stage: VisibilityStage,
 ) -> NDArray[np.float32]:
-    """Return how far one can see: the depth of the nearest surface, its holes closed.
+    """Return the least depth that a frame's points and some others have in each pixel.
 
     Args:
-        depth_m: (H, W) float32, metres, 0 = nothing measured; its points hide others too.
+        depth_m: (H, W) float32, metres, 0 = nothing measured: of the frame's points.
         others: (3, n) float32 each, metres, local frame: more points that may hide some.
         T_camera_local: (4, 4) local frame to camera optical frame.
         camera: the pinhole.
         limits: depth range of the points that count.
-        stage: how holes are closed.
 
     Returns:
-        (H, W) float32, metres; inf where no surface is.
+        (H, W) float32, metres; inf where no point is.
     """
     nearest = np.empty(depth_m.size + 1, dtype=np.float32)
     _begin(depth_m.ravel(), np.float32(NO_DEPTH_M), nearest)
@@ -52,10 +50,22 @@ def front_depth(
     draw_nearest(
         others, T_camera_local=T_camera_local, camera=camera, stage=unrounded, nearest=nearest
     )
+    return nearest[:-1].reshape(depth_m.shape)
+
+
+def closed_front(surface_m: NDArray[np.float32], *, stage: VisibilityStage) -> NDArray[np.float32]:
+    """Return how far one can see: the nearest surface with its holes closed.
+
+    Args:
+        surface_m: (H, W) float32, from :func:`nearest_surface`.
+        stage: how holes are closed.
+
+    Returns:
+        (H, W) float32, metres; inf where nothing hides anything.
+    """
     # Minima and maxima only: exact, whatever instructions the processor has. What lies outside of
     # the image counts for neither.
-    surface = nearest[:-1].reshape(depth_m.shape)
-    grown = cv2.erode(surface, _square(stage.closing_px))
+    grown = cv2.erode(surface_m, _square(stage.closing_px))
     return np.asarray(cv2.dilate(grown, _square(stage.closing_px + 2 * stage.rim_px)))
 
 
@@ -66,7 +76,7 @@ def remove_hidden(
 
     Args:
         depth_m: (H, W) float32, metres, 0 = nothing measured. Changed in place.
-        front_m: (H, W) float32, from :func:`front_depth`.
+        front_m: (H, W) float32, from :func:`closed_front`.
         stage: how far behind the front a pixel must lie.
 
     Returns:

@@ -21,7 +21,7 @@ from civil_rgbd.domain.rig import Rig
 from civil_rgbd.domain.scan import LidarScan
 from civil_rgbd.geometry.camera import LensCamera, PinholeCamera
 from civil_rgbd.pipeline.frames import FrameMaker, FrameOutcome, PlannedFrame
-from civil_rgbd.pipeline.visibility import front_depth, remove_hidden
+from civil_rgbd.pipeline.visibility import closed_front, nearest_surface, remove_hidden
 
 from ..recordings import MemoryRecording, standing_still
 from ..reference.visibility import hidden
@@ -42,9 +42,10 @@ def removed(
 ) -> NDArray[np.bool_]:
     """Which pixels are emptied; the rest must stay as they are."""
     before = depth_m.copy()
-    front = front_depth(
-        depth_m, [others], T_camera_local=np.eye(4), camera=CAMERA, limits=LIMITS, stage=stage
+    surface = nearest_surface(
+        depth_m, [others], T_camera_local=np.eye(4), camera=CAMERA, limits=LIMITS
     )
+    front = closed_front(surface, stage=stage)
     after = depth_m.copy()
     count = remove_hidden(after, front, stage=stage)
     gone = after != before
