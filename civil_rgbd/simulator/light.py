@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.simulator.scene import SKY, Face, RayCaster, dots, unit_normals
+from civil_rgbd.simulator.scene import SKY, Face, RayCaster, Scene, dots, unit_normals
 from civil_rgbd.simulator.texture import MATERIALS
 from civil_rgbd.simulator.waves import cosine, sine
 
@@ -23,6 +23,7 @@ _MOST_CELLS = 40
 _OPEN_ROWS = 2  # below the map: where whatever moves looks its light up
 _SMALL_M = 0.35  # a seamless face smaller than this gets one value
 _INSET_M = 0.03
+_NEAR_M = 25.0  # from the scene's middle; beyond, cells grow with the distance
 _UNDERSIDE = 0.25  # of the light on its top, what reaches a mover's underside
 _GROUND_AMBIENT = 0.35  # what lit-up surroundings throw back besides the sun's light
 
@@ -94,13 +95,14 @@ def bake(caster: RayCaster) -> LightMap:
     scene = caster.scene
     axes = face_axes(scene.faces, seamless=scene.seamless)
     extent = axes.high_m - axes.low_m
-    cells = np.clip(np.ceil(extent / _CELL_M).astype(int) + 1, 2, _MOST_CELLS)
+    coarser = _coarser(scene)[:, np.newaxis]
+    cells = np.clip(np.ceil(extent / (_CELL_M * coarser)).astype(int) + 1, 2, _MOST_CELLS)
     lefts, tops, size = _packed(cells)
     first = np.stack([face.corners_m[:3] for face in scene.faces])
     normals = unit_normals(first[:, 0], first[:, 1], first[:, 2])
     heights = dots(normals, first[:, 0])
     light = np.ones((size[0] + _OPEN_ROWS, size[1]), dtype=np.float32)
-    small = scene.seamless & (extent.max(axis=1) < _SMALL_M)
+    small = scene.seamless & (extent / coarser < _SMALL_M).all(axis=1)
     middles = _on_faces(axes, normals, heights, (axes.low_m + axes.high_m) / 2)
     seen = _gathered(caster, middles[small], normals[small])
     for j in (0, 1):
@@ -119,6 +121,14 @@ def bake(caster: RayCaster) -> LightMap:
         (tops - begin[:, 1]).astype(np.float32),
         cells_per_m.astype(np.float32),
     )
+
+
+def _coarser(scene: Scene) -> NDArray[np.float64]:
+    """Return how much coarser than near the middle each face's light may be: (F,)."""
+    if not scene.seamless:
+        return np.ones(len(scene.faces))
+    first = np.stack([face.corners_m[:3] for face in scene.faces]).mean(axis=1)
+    return np.maximum(np.sqrt(first[:, 0] ** 2 + first[:, 1] ** 2) / _NEAR_M, 1.0)
 
 
 def _grids(

@@ -13,7 +13,7 @@ from urllib.parse import parse_qsl
 from civil_rgbd.errors import UsageError
 from civil_rgbd.resources import nearest
 
-BRIDGES: Final = ("demo", "B1", "B2", "B3", "B4", "B5")
+BRIDGES: Final = ("demo", "B1", "B2", "B3", "B4", "B5", "mesh")
 """The bridges that can be simulated."""
 
 PATTERNS: Final = ("rosette", "avia")
@@ -52,7 +52,7 @@ _YOUNGER: Final = frozenset(
     {
         "moving", "scene_seed", "pattern", "range_at_10_percent_m", "beam_width_deg", "stands_s",
         "sway", "imu_noise", "drift_m_per_root_s", "yaw_drift_deg_per_root_s",
-        "exposure_settles_s", "exposure_s",
+        "exposure_settles_s", "exposure_s", "mesh",
     }
 )  # fmt: skip
 """Settings that a spec's text leaves out at their defaults: elder specs keep their hashes."""
@@ -97,6 +97,7 @@ class ScanSpec:
         yaw_drift_deg_per_root_s: random walk of their heading.
         exposure_settles_s: how long after the start images are visibly over-exposed. 0: never.
         exposure_s: how long the shutter is open, which blurs. 0: an instant.
+        mesh: of the bridge ``mesh``, the OBJ file to read, or a folder of them; metres, z up.
     """
 
     bridge: str = "demo"
@@ -127,10 +128,13 @@ class ScanSpec:
     yaw_drift_deg_per_root_s: float = 0.0
     exposure_settles_s: float = 0.0
     exposure_s: float = 0.0
+    mesh: str = ""
 
     def __post_init__(self) -> None:
         if self.bridge not in BRIDGES:
             raise ValueError(f"no bridge is called {self.bridge!r}")
+        if (self.bridge == "mesh") != bool(self.mesh):
+            raise ValueError("the bridge 'mesh', and no other, is read from a file: mesh=PATH")
         if self.pattern not in PATTERNS:
             raise ValueError(f"pattern is {self.pattern!r}, not one of {', '.join(PATTERNS)}")
         for name, (low, high) in _LIMITS.items():
@@ -178,10 +182,10 @@ _FIELD: Final[dict[str, str | float]] = {
 # that goes well is off by 1 cm within the second that fills a frame, and by 0.1 m a minute.
 
 
-def usual_spec(bridge: str) -> ScanSpec:
+def usual_spec(bridge: str, *, mesh: str = "") -> ScanSpec:
     """Return how a bridge is scanned unless the user says otherwise.
 
-    The demo is exact; B1 to B5 are scanned as in the field: the vendor's pattern, noise, pulses
+    The demo is exact; the others are scanned as in the field: the vendor's pattern, noise, pulses
     that get lost, an IMU that errs and poses that drift.
 
     Raises:
@@ -190,7 +194,8 @@ def usual_spec(bridge: str) -> ScanSpec:
     >>> usual_spec("demo") == ScanSpec()
     True
     """
-    return ScanSpec(bridge, **({} if bridge == BRIDGES[0] else _FIELD))  # type: ignore[arg-type]  # named
+    settings = {} if bridge == BRIDGES[0] else _FIELD
+    return ScanSpec(bridge, mesh=mesh, **settings)  # type: ignore[arg-type]  # by name
 
 
 def spec_from_settings(settings: Mapping[str, str | float], *, where: object) -> ScanSpec:
@@ -224,7 +229,7 @@ def spec_from_settings(settings: Mapping[str, str | float], *, where: object) ->
             )
         values[name] = _converted(name, given, kinds[name], where=where)
     try:
-        usual = usual_spec(str(values.get("bridge", BRIDGES[0])))
+        usual = usual_spec(str(values.get("bridge", BRIDGES[0])), mesh=str(values.get("mesh", "")))
         return replace(usual, **values)  # type: ignore[arg-type]  # converted field by field above
     except ValueError as error:
         raise UsageError(str(error), where=where, fix="choose such a value") from error

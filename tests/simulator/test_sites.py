@@ -23,7 +23,7 @@ def _meets(bridge: str, origin: Vector, direction: Vector) -> tuple[float, str]:
 
 
 def test_every_bridge_that_can_be_asked_for_is_drawn() -> None:
-    assert tuple(SITES) == BRIDGES == ("demo", *FIVE)
+    assert (*SITES, "mesh") == BRIDGES == ("demo", *FIVE, "mesh")
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ Span = tuple[float, float]
 FAR_M: Final = 150.0
 """Where the ground ends."""
 
+_NEAR_M: Final = 50.0
 _LONGEST_M: Final = 12.0  # longer faces are cut up, so that their light map stays fine
 _FACINGS: Final = {
     "+x": ((0, 1, 0), (0, 0, 1)),
@@ -88,9 +89,10 @@ class Draft:
 
     def level(self, part: str, material: str, x_m: Span, y_m: Span, z_m: float = 0.0) -> None:
         """Add level ground, cut where far becomes near."""
-        (x0, x1), (y0, y1) = sorted(x_m), sorted(y_m)
-        corners = np.array([(x0, y0, z_m), (x1, y0, z_m), (x1, y1, z_m), (x0, y1, z_m)])
-        self.faces.append(Face(part, material, corners))
+        for x0, x1 in _cut(x_m):
+            for y0, y1 in _cut(y_m):
+                corners = [(x0, y0, z_m), (x1, y0, z_m), (x1, y1, z_m), (x0, y1, z_m)]
+                self.faces.append(Face(part, material, np.array(corners)))
 
     def strips(
         self, x_m: Span, strips: Iterable[tuple[str, str, Span, float]], foot_z_m: float = 0.0
@@ -131,6 +133,11 @@ def _side(part: str, material: str, ends_m: NDArray[np.float64], side: str) -> P
     return Panel(part, material, origin, along, up, lengths)
 
 
+def _cut(span: Span) -> list[Span]:
+    low, high = sorted(span)
+    return list(pairwise([low, *(at for at in (-_NEAR_M, _NEAR_M) if low < at < high), high]))
+
+
 def _pieces(face: Face) -> list[Face]:
     """Cut an upright or level rectangle that is too long into equal ones."""
     corners = face.corners_m
@@ -139,7 +146,10 @@ def _pieces(face: Face) -> list[Face]:
     a, b = corners[1] - corners[0], corners[3] - corners[0]
     straight = np.count_nonzero(a) == 1 and np.count_nonzero(b) == 1
     square = np.array_equal(corners[0] + (a + b), corners[2])
-    counts = [int(np.ceil(np.abs(side).max() / _LONGEST_M)) for side in (a, b)]
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    away = np.maximum(np.maximum(low, -high), 0.0)[:2].max()  # from x = y = 0
+    longest = _LONGEST_M if away < _NEAR_M - _LONGEST_M else 4 * _LONGEST_M
+    counts = [int(np.ceil(np.abs(side).max() / longest)) for side in (a, b)]
     if not (straight and square) or max(counts) == 1:
         return [face]
     across = np.linspace(corners[0], corners[1], counts[0] + 1)
