@@ -27,6 +27,7 @@ from civil_rgbd.domain.inspection import (
     RecordingSummary,
     Refusal,
     TopicSummary,
+    lateness_drift,
     timing_of,
 )
 from civil_rgbd.domain.recording import RecordingOptions
@@ -198,6 +199,7 @@ def _topic_summary(
         log_minus_stamp_ns=(
             (int(off_ns.min()), int(np.median(off_ns)), int(off_ns.max())) if len(rows) else None
         ),
+        lateness_drift_ns=lateness_drift(rows[:, 0], rows[:, 1]),
         frames=_by_count(gathered.frames) if gathered else (),
         children=_by_count(gathered.children) if isinstance(gathered, GatheredPoses) else (),
         fault=gathered.fault if gathered else None,

@@ -20,6 +20,13 @@ _JPEG_END = b"\xff\xd9"
 _END_WITHIN_BYTES = 4096  # cameras pad behind the end marker; coded pixels never hold it
 _PNG_DEPTH_AT = 24  # in IHDR, right after the signature, its length, its name and the size
 _DECODE: Final = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+_SMALL: Final = {
+    1: cv2.IMREAD_GRAYSCALE,
+    2: cv2.IMREAD_REDUCED_GRAYSCALE_2,
+    4: cv2.IMREAD_REDUCED_GRAYSCALE_4,
+    8: cv2.IMREAD_REDUCED_GRAYSCALE_8,
+}
+"""How OpenCV is asked for a grey image that is smaller by so much."""
 
 
 def _mono(raw: _Pixels) -> _Pixels:
@@ -188,6 +195,39 @@ def rgb_from_encoded(data: memoryview, name: str, *, where: object) -> _Pixels:
         RecordingError: it is of another codec, or has 16 bits a channel.
         ImageDecodeError: it cannot be decoded.
     """
+    pixels = _decoded(data, name, _DECODE, where)
+    return pixels if _stored_as_rgb(name) else _swapped(pixels)
+
+
+def small_grey_from_compressed(
+    payload: memoryview, reduction: int, *, where: object, read: type[CdrReader] = CdrReader
+) -> _Pixels:
+    """Decode one ``sensor_msgs/CompressedImage`` grey, and a JPEG small at once.
+
+    Args:
+        payload: the message.
+        reduction: key of :data:`_SMALL`.
+        where: file, topic and image, for errors.
+        read: reads its encoding.
+
+    Returns:
+        (H, W) uint8, height and width divided and rounded up; errors as
+        :func:`rgb_from_compressed`.
+    """
+    reader = read(payload)
+    reader.header()
+    name, data = reader.text(), reader.octets()
+    return _decoded(data, name, _SMALL[reduction] | cv2.IMREAD_IGNORE_ORIENTATION, where)
+
+
+def shrunk(rgb: _Pixels, reduction: int) -> _Pixels:
+    """Make a decoded image small and grey: (H, W, 3) to (H / reduction, W / reduction)."""
+    grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
+    size = (-(-grey.shape[1] // reduction), -(-grey.shape[0] // reduction))
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def _decoded(data: memoryview, name: str, flags: int, where: object) -> _Pixels:
     start = bytes(data[: _PNG_DEPTH_AT + 1])
     if start.startswith(_PNG):
         if start[_PNG_DEPTH_AT:] == b"\x10":
@@ -200,13 +240,12 @@ def rgb_from_encoded(data: memoryview, name: str, *, where: object) -> _Pixels:
     else:
         raise _not_read(name, where)
     try:
-        bgr = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _DECODE)
+        pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     except cv2.error as error:
         raise _broken(f"{name!r}: {error}", where) from error
-    if bgr is None:
+    if pixels is None:
         raise _broken(f"{len(data)} bytes of {name!r}", where)
-    pixels = np.asarray(bgr, dtype=np.uint8)
-    return pixels if _stored_as_rgb(name) else _swapped(pixels)
+    return np.asarray(pixels, dtype=np.uint8)
 
 
 def _stored_as_rgb(name: str) -> bool:

@@ -14,7 +14,12 @@ from civil_rgbd.conversion.image_folder import ImageFolder, read_image_file
 from civil_rgbd.conversion.livox import scan_from_livox
 from civil_rgbd.conversion.point_clouds import scan_from_cloud
 from civil_rgbd.conversion.point_time import PointTime
-from civil_rgbd.conversion.ros_images import rgb_from_compressed, rgb_from_image
+from civil_rgbd.conversion.ros_images import (
+    rgb_from_compressed,
+    rgb_from_image,
+    shrunk,
+    small_grey_from_compressed,
+)
 from civil_rgbd.domain.recording import CameraImage, RecordingNotes, SourceFile
 from civil_rgbd.domain.rig import Rig
 from civil_rgbd.domain.scan import LidarScan
@@ -169,6 +174,21 @@ class RosRecording:
             if not (self.salvage and damaged):
                 raise
             raise ImageDecodeError(error.what, where=error.where, fix=error.fix) from error
+
+    def read_small_grey(self, index: int, reduction: int) -> NDArray[np.uint8]:
+        """Decode one image small and grey, a JPEG without its whole pixels.
+
+        Raises:
+            ImageDecodeError: this one image cannot be decoded; others may.
+            RecordingError: its codec is not read, or it does not fit the camera.
+        """
+        images = self.images
+        if isinstance(images, ImageFolder) or images.type_name != "sensor_msgs/CompressedImage":
+            return shrunk(self.read_image(index).rgb, reduction)
+        payload = self.payloads.fetch(*images.index.place(index))
+        where = f"{self._where(images)}, image {index}"
+        with decoding(f"image {index}", where=where, fix=SALVAGE_FIX):
+            return small_grey_from_compressed(payload, reduction, where=where, read=images.read)
 
     def _image(self, index: int) -> CameraImage:
         stamp_ns, images = int(self.image_stamps_ns[index]), self.images

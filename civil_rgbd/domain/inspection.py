@@ -106,6 +106,8 @@ class TopicSummary:
         logged: when they were recorded; None without messages.
         stamped: what their headers say; None without headers, or where none was read.
         log_minus_stamp_ns: smallest, median and largest; None without headers.
+        lateness_drift_ns: how much log time minus stamp grows over the recording, and its standard
+            error: whether the sensor's clock keeps up with the recorder's. None where too few tell.
         frames: frame ids of their headers, most frequent first.
         children: child frame ids of poses.
         fault: the first message that breaks its own layout, and how.
@@ -123,6 +125,7 @@ class TopicSummary:
     logged: Timing | None = None
     stamped: Timing | None = None
     log_minus_stamp_ns: tuple[int, int, int] | None = None
+    lateness_drift_ns: tuple[int, int] | None = None
     frames: tuple[str, ...] = ()
     children: tuple[str, ...] = ()
     fault: str | None = None
@@ -236,3 +239,44 @@ def timing_of(instants_ns: NDArray[np.int64]) -> Timing | None:
         gaps=int((steps > 3 * period_ns).sum()),
         backward=int((np.diff(instants_ns) < 0).sum()),
     )
+
+
+_BINS: Final = 12
+_FEWEST_A_BIN: Final = 4
+
+
+def lateness_drift(
+    logged_ns: NDArray[np.int64], stamped_ns: NDArray[np.int64]
+) -> tuple[int, int] | None:
+    """Say how much log time minus stamp grows over a recording: a clock that lags makes it grow.
+
+    Messages wait now and then, so that each stretch of time is judged by its prompt ones: the
+    quarter that waited least.
+
+    Args:
+        logged_ns: (M,) int64.
+        stamped_ns: (M,) int64, of the same messages.
+
+    Returns:
+        growth and its standard error; None for fewer messages than can tell.
+
+    >>> steps = np.arange(100) * 10**8
+    >>> lateness_drift(steps + steps // 1000, steps)
+    (9900000, 0)
+    """
+    if len(logged_ns) < _BINS * _FEWEST_A_BIN:
+        return None
+    order = np.argsort(logged_ns, kind="stable")
+    late = logged_ns[order] - stamped_ns[order]
+    since = (logged_ns[order] - logged_ns[order[0]]).astype(np.float64)
+    bins = np.array_split(np.arange(len(order)), _BINS)
+    at = np.array([since[rows].mean() for rows in bins])
+    least = np.array([float(np.quantile(late[rows] - late[0], 0.25)) for rows in bins])
+    first, second = np.triu_indices(_BINS, 1)
+    if not (at[second] > at[first]).all():
+        return None
+    slope = float(np.median((least[second] - least[first]) / (at[second] - at[first])))
+    left = least - slope * at
+    # Of a line through evenly spread values with independent errors: the root of 12 / bins.
+    error = 1.4826 * float(np.median(np.abs(left - np.median(left)))) * float(np.sqrt(12 / _BINS))
+    return round(slope * since[-1]), round(error)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -185,4 +185,27 @@ class Recording(Protocol):
         Raises:
             ImageDecodeError: this one image cannot be decoded; others may.
             RecordingError: the images do not fit the camera.
+        """
+
+
+@runtime_checkable
+class SmallGreys(Protocol):
+    """A recording that decodes small grey images for less than whole coloured ones cost.
+
+    No converter has to: who wants small images asks for it, and else shrinks whole ones.
+    """
+
+    def read_small_grey(self, index: int, reduction: int) -> NDArray[np.uint8]:
+        """Decode one image small and grey.
+
+        Args:
+            index: of the image.
+            reduction: 1, 2, 4 or 8.
+
+        Returns:
+            (H, W) uint8, as taken: distorted; height and width are divided and rounded up.
+
+        Raises:
+            ImageDecodeError: this one image cannot be decoded; others may.
+            RecordingError: its codec is not read.
         """
