@@ -157,20 +157,24 @@ def _cut(
         return
     first, others = plans[0], plans[1:]
     (a0, b0), (a1, b1) = _window(first)
-    strips = [
-        (low, (a0, high[1])),
-        ((a1, low[1]), high),
-        ((a0, low[1]), (a1, b0)),
-        ((a0, b1), (a1, high[1])),
-    ]
     if a0 < low[0] or b0 < low[1] or a1 > high[0] or b1 > high[1]:
         raise ValueError(f"spall {first.name!r} does not fit on its {panel.part}")
-    for corner, opposite in strips:
-        inside = [p for p in others if _lies_in(p, corner, opposite)]
-        others = [p for p in others if p not in inside]
-        _cut(panel, corner, opposite, inside, found)
-    if others:
-        raise ValueError(f"spalls {first.name!r} and {others[0].name!r} are in each other's way")
+    upright = [
+        *((low, (a0, high[1])), ((a1, low[1]), high)),
+        *(((a0, low[1]), (a1, b0)), ((a0, b1), (a1, high[1]))),
+    ]
+    level = [
+        *((low, (high[0], b0)), ((low[0], b1), high)),
+        *(((low[0], b0), (a0, b1)), ((a1, b0), (high[0], b1))),
+    ]
+    for strips in (upright, level):
+        shares = [[p for p in others if _lies_in(p, *strip)] for strip in strips]
+        if sum(map(len, shares)) == len(others):
+            break
+    else:
+        raise ValueError(f"spall {first.name!r} is in another one's way on its {panel.part}")
+    for strip, share in zip(strips, shares, strict=True):
+        _cut(panel, *strip, share, found)
     faces, spall = _hollow(panel, first)
     found[0].extend(faces)
     found[1].append(spall)
