@@ -9,6 +9,7 @@ the start after 20/3 s, which no motor does: here one of them is a little faster
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -26,7 +27,7 @@ VENDOR_HZ: Final = (131.55, -40.8)
 _HZ: Final = (VENDOR_HZ[0], VENDOR_HZ[1] * (1 + 1.6180339887e-5))
 _WEDGE_TURNS: Final = 18.0 / 360
 _INDEX: Final = 1.8144
-_LINE_STEP_TURNS: Final = 0.0156602 / (2 * np.pi)
+_LINE_STEP_TURNS: Final = 0.0156602 / (2 * math.pi)
 
 
 def avia_directions(
@@ -43,7 +44,7 @@ def avia_directions(
     """
     t = since_start_ns.astype(np.float64) / NS_PER_S
     first, second = _oblique(turns_hz[0] * t, 0.5), _oblique(turns_hz[1] * t, 0.0)
-    fan = ((LINES - 1) / 2 - np.arange(LINES)) * _LINE_STEP_TURNS
+    fan = ((LINES - 1) / 2 - np.arange(LINES, dtype=np.float64)) * _LINE_STEP_TURNS
     rays = (cosine(fan), np.zeros(LINES), sine(fan))
     # Between the oblique faces lie two that face ahead: what the one does, the other undoes.
     rays = _refracted(rays, first, 1 / _INDEX)

@@ -7,6 +7,7 @@ are just strong enough are noisier, and so are beams that slant: their footprint
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -21,7 +22,7 @@ REFERENCE_RANGE_M: Final = 20.0
 """Range at which data sheets state the noise, 2 cm for the Avia."""
 _REFERENCE_SHARE: Final = 0.4  # concrete
 _SIGNAL_SHARE: Final = 0.05  # of the variance there that goes with the signal; an assumption
-_FOOTPRINT_RAD: Final = 0.28 / 360 * 2 * np.pi / np.sqrt(12)  # 1 sigma over the Avia's beam
+_FOOTPRINT_RAD: Final = math.radians(0.28) / math.sqrt(12)  # 1 sigma over the Avia's beam
 _CENTROID_SHARE: Final = 0.25  # of the footprint's spread that shows as noise; an assumption
 _WEAKEST: Final = 400.0  # hardly any pulse returns that is weaker still
 _STEEPEST: Final = 10.0  # tangent beyond which so slanting a beam hardly ever returns
@@ -77,4 +78,5 @@ def range_sigma_m(strength: Floats, range_m: Floats, cosine: Floats, *, at_20_m:
     tangent = np.sqrt(np.maximum(1 - cosine * cosine, 0.0)) / np.maximum(cosine, 1e-6)
     spread = _CENTROID_SHARE * _FOOTPRINT_RAD * range_m * np.minimum(tangent, _STEEPEST)
     head_on = at_20_m * at_20_m * (1 - _SIGNAL_SHARE + _SIGNAL_SHARE * weak)
-    return np.sqrt(head_on + spread * spread)
+    sigma: Floats = np.sqrt(head_on + spread * spread)
+    return sigma
