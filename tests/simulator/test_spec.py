@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from civil_rgbd.errors import UsageError
 from civil_rgbd.simulator.spec import (
-    BRIDGES,
     ScanSpec,
     spec_from_location,
     spec_from_settings,
@@ -66,7 +67,7 @@ def test_a_spec_refuses_an_offset_that_is_not_finite() -> None:
 
 def test_the_demo_is_exact_and_the_other_bridges_are_scanned_as_in_the_field() -> None:
     assert usual_spec("demo") == ScanSpec()
-    for bridge in BRIDGES[1:]:
+    for bridge in ("B1", "B2", "B3", "B4", "B5"):
         spec = usual_spec(bridge)
         assert spec.bridge == bridge
         assert (spec.pattern, spec.image_rate_hz, spec.range_noise_m) == ("avia", 30.0, 0.02)
@@ -94,3 +95,27 @@ def test_settings_younger_than_the_demo_leave_its_text_alone() -> None:
 def test_an_unknown_pattern_is_refused() -> None:
     with pytest.raises(UsageError, match="pattern is 'mid360', not one of rosette, avia"):
         spec_from_location("simulated:demo?pattern=mid360")
+
+
+def test_every_setting_stands_in_the_docs_with_what_is_usual() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "simulator.md").read_text(encoding="utf-8")
+    demo, field = usual_spec("demo"), usual_spec("B1")
+    rows = [line.split("|") for line in page.splitlines() if line.startswith("| `")]
+    told = {
+        name.strip(" `"): (exact.strip(" `"), usual.strip(" `"))
+        for _, names, demos, fields_, *_ in rows
+        for name, exact, usual in zip(
+            names.split(","), _spread(demos, names), _spread(fields_, names), strict=True
+        )
+    }
+
+    assert set(told) == set(ScanSpec.__slots__) - {"bridge", "mesh"}
+    for name, values in told.items():
+        for text, value in zip(values, (getattr(demo, name), getattr(field, name)), strict=True):
+            plain = value[0] if isinstance(value, tuple) else value
+            assert text == (plain if isinstance(plain, str) else f"{plain:.10g}"), name
+
+
+def _spread(cell: str, names: str) -> list[str]:
+    values, count = cell.split(","), len(names.split(","))
+    return values if len(values) == count else values * count
