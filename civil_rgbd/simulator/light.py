@@ -128,7 +128,10 @@ def _coarser(scene: Scene) -> NDArray[np.float64]:
     if not scene.seamless:
         return np.ones(len(scene.faces))
     first = np.stack([face.corners_m[:3] for face in scene.faces]).mean(axis=1)
-    return np.maximum(np.sqrt(first[:, 0] ** 2 + first[:, 1] ** 2) / _NEAR_M, 1.0)
+    coarser: NDArray[np.float64] = np.maximum(
+        np.sqrt(first[:, 0] ** 2 + first[:, 1] ** 2) / _NEAR_M, 1.0
+    )
+    return coarser
 
 
 def _grids(

@@ -41,7 +41,8 @@ class Face:
     def normal(self) -> NDArray[np.float64]:
         """(3,) unit, pointing outside."""
         a, b, c = self.corners_m[:3, np.newaxis]
-        return unit_normals(a, b, c)[0]
+        unit: NDArray[np.float64] = unit_normals(a, b, c)[0]
+        return unit
 
 
 def unit_normals(

@@ -235,8 +235,8 @@ def _outline(rng: np.random.Generator, plan: SpallPlan) -> NDArray[np.float64]:
     """Return (K, 2) corners, anticlockwise, whose extents are exactly those of the plan."""
     turns = (np.arange(_POINTS) + 0.5) / _POINTS
     radius = np.ones(_POINTS)
-    for wave, size in ((2, 0.12), (3, 0.12), (5, 0.07), (8, 0.05)):
-        radius += size * rng.uniform(0.3, 1.0) * sine(wave * turns + rng.random())
+    for wave, swing in ((2, 0.12), (3, 0.12), (5, 0.07), (8, 0.05)):
+        radius += swing * rng.uniform(0.3, 1.0) * sine(wave * turns + rng.random())
     radius += rng.uniform(-0.05, 0.05, _POINTS)
     flat = _directions() * radius[:, np.newaxis]
     low, high = flat.min(axis=0), flat.max(axis=0)

@@ -166,13 +166,16 @@ def _aged(rng: np.random.Generator) -> NDArray[np.float32]:
     shade = _wall(rng)
     blotches = octaves(rng, start=3, count=5)
     crust = np.clip(blotches * 2 - np.float32(0.6), 0, 1)  # lime that came out of cracks
-    return shade - np.float32(0.16) * np.maximum(blotches, 0) + np.float32(0.35) * crust
+    shade -= np.float32(0.16) * np.maximum(blotches, 0)
+    shade += np.float32(0.35) * crust
+    return shade
 
 
 def _soffit(rng: np.random.Generator) -> NDArray[np.float32]:
     shade = _joints(_concrete(rng, boards=24, across=True), 512, 0.18)
     damp = octaves(rng, start=2, count=5)
-    return shade - np.float32(0.22) * np.clip(damp * 2 - np.float32(0.4), 0, 1)
+    shade -= np.float32(0.22) * np.clip(damp * 2 - np.float32(0.4), 0, 1)
+    return shade
 
 
 def _broken(rng: np.random.Generator) -> NDArray[np.float32]:
@@ -182,7 +185,8 @@ def _broken(rng: np.random.Generator) -> NDArray[np.float32]:
 def _painted_steel(rng: np.random.Generator) -> NDArray[np.float32]:
     shade = 0.06 * octaves(rng, start=4, count=5)
     rust = np.clip(octaves(rng, start=6, count=5) * 3 - np.float32(1.5), 0, 1)
-    return shade + np.float32(0.5) * rust
+    shade += np.float32(0.5) * rust
+    return shade
 
 
 def _brick(rng: np.random.Generator) -> NDArray[np.float32]:
@@ -191,10 +195,9 @@ def _brick(rng: np.random.Generator) -> NDArray[np.float32]:
     layer = row // course
     shifted = column + (layer % 2) * (brick // 2)
     shades = rng.uniform(-0.2, 0.2, (16, 8)).astype(np.float32)
-    shade = shades[layer, shifted // brick % 8]
-    joint = (row % course < 3) | (shifted % brick < 3)  # texels of mortar
-    shade = np.where(joint, np.float32(0.5), shade).reshape(TILE_PX, TILE_PX)
-    return shade + 0.1 * octaves(rng, start=16, count=4)
+    shade: NDArray[np.float32] = shades[layer, shifted // brick % 8]
+    shade[(row % course < 3) | (shifted % brick < 3)] = 0.5  # texels of mortar
+    return shade.reshape(TILE_PX, TILE_PX) + 0.1 * octaves(rng, start=16, count=4)
 
 
 _SHADES: Final[dict[str, Callable[[np.random.Generator], NDArray[np.float32]]]] = {

@@ -7,7 +7,7 @@ import pytest
 
 from civil_rgbd.simulator.catalogue import SITES, site_caster_of, site_of
 from civil_rgbd.simulator.motion import placed
-from civil_rgbd.simulator.scene import SKY
+from civil_rgbd.simulator.scene import SKY, Scene
 from civil_rgbd.simulator.spec import BRIDGES
 from civil_rgbd.simulator.texture import MATERIALS
 
@@ -195,6 +195,23 @@ def test_nothing_moves_through_the_inspector_or_through_what_stands(bridge: str)
                 )
                 met = (hits.triangles != SKY) & (hits.distances < 1)
                 assert not met.any(), mover.name
+
+
+@pytest.mark.parametrize("bridge", FIVE)
+def test_whatever_is_built_is_closed_and_looks_outwards(bridge: str) -> None:
+    site = site_of(bridge)
+    open_ground = {"road", "grass", "ground", "verge", "trail", "plant"}
+    bodies = [(mover.name, mover.body) for mover in site.movers]
+    for part in {face.part for face in site.scene.faces} - open_ground:
+        faces = tuple(face for face in site.scene.faces if face.part == part)
+        bodies.append((part, Scene(part, faces)))
+    for name, body in bodies:
+        a, b, c = body.triangles_m.transpose(1, 0, 2)
+        middle = body.triangles_m.mean(axis=(0, 1))
+        volume = np.einsum("ij,ij->i", a - middle, np.cross(b - middle, c - middle)).sum() / 6
+        square = (np.cross(b - a, c - a) / 2).sum(axis=0)
+        assert volume > 0, name
+        assert np.abs(square).max() < 1e-6, name  # the sides of a closed body balance
 
 
 def test_a_site_is_the_same_for_a_seed_and_another_for_another() -> None:

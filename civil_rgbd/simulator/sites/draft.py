@@ -76,8 +76,11 @@ class Draft:
         along: int,
         span_m: Span,
     ) -> None:
-        """Add a convex outline extruded along an axis; see :func:`prism` for its axes."""
+        """Add a convex outline, either way round, extruded along an axis as :func:`prism` does."""
         start, end = sorted(span_m)
+        corners = np.asarray(outline_m, dtype=np.float64)
+        (a, b), (c, d) = corners.T, np.roll(corners, -1, axis=0).T
+        outline_m = corners if (a * d - c * b).sum() > 0 else corners[::-1]
         self.faces += prism(part, material, outline_m, along=along, start_m=start, end_m=end)
 
     def column(

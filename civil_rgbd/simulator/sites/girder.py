@@ -102,16 +102,11 @@ def _deck(draft: Draft) -> None:
     for left, right in pairwise(_GIRDERS_X_M):  # cross frames: two rails and a brace between
         span = (left + web, right - web)
         for y in (-7.5, -4.5, 4.5, 7.5):
-            for z in (low + 0.2, high - 0.25):
-                draft.box("girder", "steel", (span, (y + 0.02, y + 0.09), (z, z + 0.07)))
-            brace = [
-                (low + 0.27, span[0]),
-                (low + 0.33, span[0]),
-                (high - 0.25, span[1]),
-                (high - 0.31, span[1]),
-            ]
-            outline = np.array(brace)[::-1]
-            draft.bar("girder", "steel", outline, along=1, span_m=(y + 0.03, y + 0.05))
+            for rail in (low + 0.2, high - 0.25):
+                draft.box("girder", "steel", (span, (y + 0.02, y + 0.09), (rail, rail + 0.07)))
+            (x0, x1), (z0, z1) = span, (low + 0.27, high - 0.25)
+            brace = np.array([(z0, x0), (z1 - 0.06, x1), (z1, x1), (z0 + 0.06, x0)])
+            draft.bar("girder", "steel", brace, along=1, span_m=(y + 0.03, y + 0.05))
     top = _SOFFIT_Z_M + _SLAB_M
     for side in (-1, 1):
         x = side * (_HALF_DECK_M - 0.15)

@@ -74,7 +74,8 @@ def _triangles(file: Path) -> NDArray[np.float64]:
     mesh = trimesh.load(file, file_type="obj", force="mesh", process=False)
     triangles = np.asarray(mesh.triangles, dtype=np.float64).reshape(-1, 3, 3)
     n = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    return triangles[np.sqrt((n * n).sum(axis=1)) > _FLAT_M2]
+    kept: NDArray[np.float64] = triangles[np.sqrt((n * n).sum(axis=1)) > _FLAT_M2]
+    return kept
 
 
 def _settled(
@@ -84,7 +85,7 @@ def _settled(
     turned: np.bool_,
 ) -> NDArray[np.float64]:
     middle = (low_m + high_m) / 2
-    moved = triangles - np.array([middle[0], middle[1], low_m[2]])
+    moved: NDArray[np.float64] = triangles - np.array([middle[0], middle[1], low_m[2]])
     if turned:
         moved = np.stack([moved[..., 1], -moved[..., 0], moved[..., 2]], axis=-1)
     return moved

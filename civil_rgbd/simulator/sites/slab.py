@@ -90,12 +90,12 @@ def _structure(draft: Draft) -> None:
         nose = np.array([(side * 6.2, -half), (side * 6.7, 0.0), (side * 6.2, half)])
         draft.bar("pier", "aged", nose[::side], along=2, span_m=(0.0, _SOFFIT_Z_M - 0.4))
     deck = (-_HALF_DECK_M, _HALF_DECK_M)
-    hollows = (
+    beneath = (
         SpallPlan("S4", (6.1, 12.9), 0.90, 0.60, 0.050, 34),
         SpallPlan("S6", (9.6, 15.2), 0.40, 0.40, 0.035, 36),
     )
     ends = (-_ABUTMENT_Y_M - 1.2, _ABUTMENT_Y_M + 1.2)
-    draft.box("soffit", "soffit", (deck, ends, (_SOFFIT_Z_M, _TOP_Z_M)), {"-z": hollows})
+    draft.box("soffit", "soffit", (deck, ends, (_SOFFIT_Z_M, _TOP_Z_M)), {"-z": beneath})
     for side in (-1, 1):
         edge = side * _HALF_DECK_M
         draft.box(

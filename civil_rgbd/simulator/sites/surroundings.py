@@ -112,9 +112,9 @@ def put_green(
             0.0,
         )
         put_bush(draft, rng, place, radius_m=rng.uniform(0.4, 0.9), sun=sun)
-    x = rng.uniform(foot_x_m, foot_x_m + 14, 60) * np.where(rng.random(60) < 0.5, -1, 1)
-    y = (beside_y_m + rng.uniform(0.1, 0.8, 60)) * np.where(rng.random(60) < 0.5, -1, 1)
-    put_tufts(draft, rng, np.stack([x, y, np.zeros(60)], axis=1), sun=sun)
+    xs = rng.uniform(foot_x_m, foot_x_m + 14, 60) * np.where(rng.random(60) < 0.5, -1, 1)
+    ys = (beside_y_m + rng.uniform(0.1, 0.8, 60)) * np.where(rng.random(60) < 0.5, -1, 1)
+    put_tufts(draft, rng, np.stack([xs, ys, np.zeros(60)], axis=1), sun=sun)
     put_far_trees(draft, rng, gap_y_m=beside_y_m)
     for end, side in ((-1, 1), (1, -1), (1, 1)):
         x0, y0 = end * rng.uniform(50, 70), side * (beside_y_m + rng.uniform(14, 20))

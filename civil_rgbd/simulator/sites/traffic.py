@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from civil_rgbd.simulator.motion import Drive, Mover, Stroll, placed
 from civil_rgbd.simulator.scene import Face, Scene
@@ -19,11 +18,11 @@ def car(paint: str) -> list[Face]:
     draft = Draft()
     # Outlines are z, x: convex, anticlockwise as seen from +y.
     hull = [(0.25, -2.2), (0.75, -2.25), (0.92, -2.1), (0.9, 0.85), (0.72, 2.15), (0.3, 2.25)]
-    draft.bar("car", paint, _turned(hull), along=1, span_m=(-0.88, 0.88))
+    draft.bar("car", paint, hull, along=1, span_m=(-0.88, 0.88))
     cabin = [(0.9, -1.75), (1.38, -1.1), (1.45, -0.4), (1.4, 0.1), (0.9, 0.95)]
-    draft.bar("car", "glass", _turned(cabin), along=1, span_m=(-0.74, 0.74))
+    draft.bar("car", "glass", cabin, along=1, span_m=(-0.74, 0.74))
     roof = [(1.385, -1.08), (1.47, -0.45), (1.42, 0.1), (1.385, 0.1)]
-    draft.bar("car", paint, _turned(roof), along=1, span_m=(-0.76, 0.76))
+    draft.bar("car", paint, roof, along=1, span_m=(-0.76, 0.76))
     for x in (-1.35, 1.4):
         for y in (-0.9, 0.72):
             wheel = octagon() * 0.32 + np.array([0.32, x])
@@ -39,9 +38,9 @@ def van(paint: str) -> list[Face]:
     draft = Draft()
     draft.box("car", paint, ((-2.8, 1.5), (-1.0, 1.0), (0.35, 2.4)))
     nose = [(0.35, 1.5), (2.4, 1.5), (2.3, 1.8), (1.25, 2.4), (0.95, 2.8), (0.35, 2.8)]
-    draft.bar("car", paint, _turned(nose), along=1, span_m=(-1.0, 1.0))
+    draft.bar("car", paint, nose, along=1, span_m=(-1.0, 1.0))
     screen = [(1.35, 2.36), (2.2, 1.88), (2.23, 1.92), (1.37, 2.42)]
-    draft.bar("car", "glass", _turned(screen), along=1, span_m=(-0.85, 0.85))
+    draft.bar("car", "glass", screen, along=1, span_m=(-0.85, 0.85))
     for side in (-1.0, 1.0):
         window = (side - 0.012, side + 0.012)
         draft.box("car", "glass", ((0.9, 1.7), window, (1.35, 2.05)))
@@ -57,13 +56,13 @@ def person(shirt: str, trousers: str = "dark") -> list[Face]:
     draft = Draft()
     for y, ahead in ((-0.17, 0.24), (0.03, -0.24)):
         leg = [(0.0, ahead - 0.07), (0.88, -0.09), (0.88, 0.09), (0.0, ahead + 0.07)]
-        draft.bar("person", trousers, _turned(leg), along=1, span_m=(y, y + 0.14))
+        draft.bar("person", trousers, leg, along=1, span_m=(y, y + 0.14))
         draft.box("person", "rubber", ((ahead - 0.08, ahead + 0.2), (y, y + 0.12), (0.0, 0.08)))
     body = [(0.86, -0.11), (1.44, -0.1), (1.48, 0.0), (1.44, 0.1), (0.86, 0.12)]
-    draft.bar("person", shirt, _turned(body), along=1, span_m=(-0.21, 0.21))
+    draft.bar("person", shirt, body, along=1, span_m=(-0.21, 0.21))
     for y, ahead in ((-0.31, -0.2), (0.22, 0.22)):
         arm = [(0.78, ahead - 0.05), (1.44, -0.06), (1.44, 0.06), (0.78, ahead + 0.05)]
-        draft.bar("person", shirt, _turned(arm), along=1, span_m=(y, y + 0.09))
+        draft.bar("person", shirt, arm, along=1, span_m=(y, y + 0.09))
     draft.column("person", "skin", (0.01, 0.0), radius_m=0.06, z_m=(1.46, 1.53))
     draft.column("person", "skin", (0.02, 0.0), radius_m=0.105, z_m=(1.52, 1.7))
     draft.column("person", "dark", (0.0, 0.0), radius_m=0.108, z_m=(1.66, 1.76))
@@ -77,30 +76,19 @@ def cyclist(shirt: str) -> list[Face]:
         rim = octagon() * 0.34 + np.array([0.34, x])
         draft.bar("cyclist", "rubber", rim, along=1, span_m=(-0.02, 0.02))
     frame = [(0.35, -0.5), (0.8, -0.15), (0.95, 0.45), (0.4, 0.1)]
-    draft.bar("cyclist", "blue", _turned(frame), along=1, span_m=(-0.025, 0.025))
+    draft.bar("cyclist", "blue", frame, along=1, span_m=(-0.025, 0.025))
     draft.box("cyclist", "dark", ((0.4, 0.46), (-0.25, 0.25), (0.98, 1.02)))
     for y in (-0.14, 0.05):
         leg = [(0.25, 0.0), (0.6, 0.15), (0.92, -0.05), (0.85, -0.25), (0.3, -0.12)]
-        draft.bar("cyclist", "dark", _turned(leg), along=1, span_m=(y, y + 0.1))
+        draft.bar("cyclist", "dark", leg, along=1, span_m=(y, y + 0.1))
     body = [(0.88, -0.25), (1.3, 0.1), (1.42, 0.15), (1.35, 0.28), (0.95, 0.0)]
-    draft.bar("cyclist", shirt, _turned(body), along=1, span_m=(-0.2, 0.2))
+    draft.bar("cyclist", shirt, body, along=1, span_m=(-0.2, 0.2))
     arm = [(1.0, 0.4), (1.28, 0.15), (1.35, 0.22), (1.03, 0.46)]
     for y in (-0.24, 0.16):
-        draft.bar("cyclist", shirt, _turned(arm), along=1, span_m=(y, y + 0.08))
+        draft.bar("cyclist", shirt, arm, along=1, span_m=(y, y + 0.08))
     draft.column("cyclist", "skin", (0.3, 0.0), radius_m=0.1, z_m=(1.4, 1.58))
     draft.column("cyclist", "white", (0.29, 0.0), radius_m=0.13, z_m=(1.56, 1.68))
     return draft.faces
-
-
-def _turned(outline: list[tuple[float, float]]) -> NDArray[np.float64]:
-    """Return (K, 2) corners anticlockwise, whichever way round they were given."""
-    corners = np.array(outline)
-    a, b = corners.T
-    after = np.roll(corners, -1, axis=0)
-    turned: NDArray[np.float64] = (
-        corners if (a * after[:, 1] - after[:, 0] * b).sum() > 0 else corners[::-1]
-    )
-    return turned
 
 
 def put(draft: Draft, body: list[Face], place_m: tuple[float, float, float], ahead: int) -> None:
