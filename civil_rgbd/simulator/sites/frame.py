@@ -58,7 +58,7 @@ def frame_site(seed: int) -> Site:
         *drivers(rng, [(-1.8, 1), (1.7, -1)], z_m=0.0),
         *strollers(rng, [((-2.0, 7.2), 13.0, 0.2), ((7.0, 6.4), 9.0, 0.2)], z_m=_KERB_M),
     ]
-    corners = ((-14, -6.8), (14, -6.8), (16, -5.8), (13, -4.6), (-13, -4.6), (-16, -5.8))
+    corners = ((-13, -6.8), (12, -6.8), (14, -5.8), (11, -4.6), (-12, -4.6), (-15, -5.8))
     path = WalkPath(tuple((float(x), y, _KERB_M if y < -5.4 else 0.0) for x, y in corners))
     scene = draft.scene("B5", _DIMENSIONS_M, _SUN)
     return Site(scene, tuple(movers), tuple(draft.spalls), path)

@@ -69,8 +69,8 @@ def girder_site(seed: int) -> Site:
         *strollers(rng, [((2.0, 7.9), 13.0, 0.2), ((-8.0, 7.1), 9.0, 0.2)], z_m=_KERB_M),
     ]
     corners = (
-        *((-14.0, -7.9), (14.0, -7.9), (16.0, -7.4)),
-        *((13.0, -6.75), (-13.0, -6.75), (-16.0, -7.4)),
+        *((-12.0, -7.9), (11.0, -7.9), (13.0, -7.4)),
+        *((10.5, -6.75), (-11.5, -6.75), (-14.0, -7.4)),
     )
     path = WalkPath(tuple((x, y, _KERB_M) for x, y in corners))
     return Site(draft.scene("B1", _DIMENSIONS_M, _SUN), tuple(movers), tuple(draft.spalls), path)

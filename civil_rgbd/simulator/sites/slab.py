@@ -46,7 +46,7 @@ def slab_site(seed: int) -> Site:
     for y in (-3.2, 3.2):
         put_markings(draft, y, z_m=0.0, material="sign")
     put_lamp(draft, (-19.0, 7.6), height_m=6.5, arm_m=-1.5, z_m=_KERB_M)
-    put_sign(draft, (11.0, -6.3), z_m=_KERB_M, turned=True, material="white")
+    put_sign(draft, (8.6, -6.3), z_m=_KERB_M, turned=True, material="white")
     slots = [(-13.0, 4.95, -1), (-6.4, 4.95, -1), (5.6, 4.9, -1), (12.2, 4.95, -1)]
     for k in sorted(rng.choice(4, 3, replace=False).tolist()):
         x, y, ahead = slots[k]
@@ -63,7 +63,7 @@ def slab_site(seed: int) -> Site:
         *drivers(rng, [(-2.4, 1), (2.2, -1)], z_m=0.0),
         *strollers(rng, [((0.0, 7.5), 12.0, 0.2), ((10.0, 6.7), 8.0, 0.2)], z_m=_KERB_M),
     ]
-    corners = ((-13, -7.4), (13, -7.4), (15, -6.4), (12, -5.2), (-12, -5.2), (-15, -6.4))
+    corners = ((-12, -7.4), (11, -7.4), (13, -6.4), (10, -5.2), (-11, -5.2), (-14, -6.4))
     path = WalkPath(tuple((float(x), y, _KERB_M if y < -6 else 0.0) for x, y in corners))
     scene = draft.scene("B3", _DIMENSIONS_M, _SUN)
     return Site(scene, tuple(movers), tuple(draft.spalls), path)
