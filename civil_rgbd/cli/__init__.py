@@ -17,6 +17,7 @@ from civil_rgbd.resources import nearest
 COMMANDS: Final = {
     "benchmark": "Train with one bridge left out, and tabulate the errors on it.",
     "build": "Build a bridge folder from a raw recording.",
+    "check": "Say whether a recording is fit, before leaving the site.",
     "convert": "Take over a set that others rendered, as a bridge folder.",
     "download": "Fetch an accepted bridge, verified.",
     "evaluate": "Score a trained model, or predictions on disk.",

@@ -1,0 +1,182 @@
+"""Does the camera look where the rig says? Depth edges against image edges, searched around it.
+
+Points of half a second are projected into an image. Where two neighbouring ones lie at different
+depths, and the surfaces on both sides go on, there is an edge between them: mostly the picture has
+one too. The small rotation of the camera under which most edges meet is how wrong the rig is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from civil_rgbd.health.depth_edges import DepthEdges
+
+Floats = NDArray[np.float64]
+
+_FEWEST_EDGES: Final = 400  # of all
+_AROUND_PX: Final = 41
+_FLOOR: Final = 10.0
+_SPREADS_PX: Final = (4.0, 1.5)
+_REACH_RAD: Final = math.radians(3.0)
+_COARSE_RAD: Final = math.radians(0.5)
+_FINE_RAD: Final = math.radians(0.02)
+_GROUPS: Final = 4
+_SURE_RAD: Final = math.radians(0.15)
+_LEAST_CONTRAST: Final = 1.15
+
+
+@dataclass(frozen=True, slots=True)
+class Alignment:
+    """How the camera's mounting is off.
+
+    Attributes:
+        turn_deg: about the camera's x, y and z: turn the stated camera by it; None where it
+            cannot be observed.
+        sigma_deg: standard error of its length.
+        contrast: edge strength where depth jumps, over that elsewhere, at the best turn.
+        contrast_as_given: likewise, as the rig says it.
+        edges: how many depth edges were compared.
+        why_not: in words, where it cannot be observed.
+    """
+
+    turn_deg: tuple[float, float, float] | None
+    sigma_deg: float
+    contrast: float
+    contrast_as_given: float
+    edges: int
+    why_not: str = ""
+
+    @property
+    def angle_deg(self) -> float | None:
+        """By how much it is off."""
+        if self.turn_deg is None:
+            return None
+        return math.sqrt(sum(part * part for part in self.turn_deg))
+
+
+def align(edges: DepthEdges, *, reach_rad: float = _REACH_RAD) -> Alignment:
+    """Search the turn of the camera under which the depth edges lie on the pictures' edges.
+
+    Args:
+        edges: from :func:`depth_edges`.
+        reach_rad: how far about each axis.
+    """
+    if len(edges.rays) < _FEWEST_EDGES:
+        return Alignment(
+            None, 0.0, 1.0, 1.0, len(edges.rays), f"only {len(edges.rays)} depth edges are in view"
+        )
+    coarse, fine = _edge_maps(edges.pictures)
+    everything = np.ones(len(edges.rays), dtype=np.bool_)
+    best = _finest(edges, fine, _coarsest(edges, coarse, reach_rad), everything)
+    contrast, given = (_score(edges, fine, turn, everything) for turn in (best, np.zeros(3)))
+    group = edges.picture % _GROUPS
+    others = np.array(
+        [_finest(edges, fine, best, group != left_out) for left_out in range(_GROUPS)]
+    )
+    # Leaving out one group of four at a time: the jackknife.
+    spread = (others - others.mean(axis=0)) ** 2
+    sigma = math.sqrt(float(spread.sum()) * (_GROUPS - 1) / _GROUPS)
+    why_not = ""
+    if np.abs(best).max() >= reach_rad:
+        why_not = f"the edges meet nowhere within {math.degrees(reach_rad):g} deg"
+    elif contrast < _LEAST_CONTRAST:
+        why_not = f"the images hardly show the depth edges: {contrast:.2f} times chance"
+    elif sigma > _SURE_RAD:
+        why_not = f"parts of the recording disagree: +- {math.degrees(sigma):.2f} deg"
+    turn = None if why_not else (*map(math.degrees, best.tolist()),)
+    return Alignment(turn, math.degrees(sigma), contrast, given, len(edges.rays), why_not)  # type: ignore[arg-type]  # three
+
+
+def _edge_maps(pictures: NDArray[np.uint8]) -> tuple[NDArray[np.float32], ...]:
+    """Return edges across columns, and across rows, beside their surroundings.
+
+    Returns:
+        for each of the spreads (2, P, H, W) float32, of mean 1.
+    """
+    every = tuple(np.empty((2, *pictures.shape), dtype=np.float32) for _ in _SPREADS_PX)
+    for number, grey in enumerate(pictures):
+        smooth = cv2.GaussianBlur(grey, (0, 0), 0.8)
+        for axis in (0, 1):
+            steep = np.abs(cv2.Sobel(smooth, cv2.CV_32F, 1 - axis, axis))
+            around = cv2.blur(steep, (_AROUND_PX, _AROUND_PX)) + _FLOOR
+            steep = np.minimum(steep, 4 * around)
+            for maps, spread_px in zip(every, _SPREADS_PX, strict=True):
+                near = cv2.GaussianBlur(steep, (0, 0), spread_px) / around
+                maps[axis, number] = near / (cv2.mean(near)[0] + 1e-6)
+    return every
+
+
+def _coarsest(edges: DepthEdges, maps: NDArray[np.float32], reach_rad: float) -> Floats:
+    steps = np.arange(-reach_rad, reach_rad + 1e-9, _COARSE_RAD)
+    rolls = np.arange(-reach_rad, reach_rad + 1e-9, 2 * _COARSE_RAD)
+    turns = np.array([(x, y, z) for x in steps for y in steps for z in rolls])
+    some = np.arange(len(edges.rays)) % max(1, len(edges.rays) // 6_000) == 0
+    scores = _scores(edges, maps, turns, some)
+    best: Floats = turns[int(scores.argmax())]
+    return best
+
+
+def _finest(
+    edges: DepthEdges, maps: NDArray[np.float32], start: Floats, chosen: NDArray[np.bool_]
+) -> Floats:
+    """Climb from a start: all neighbours at a step, halved when none is better."""
+    cube = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
+    best, step, score = start, _COARSE_RAD / 2, -1.0
+    while step > _FINE_RAD:
+        turns = best + step * cube
+        scores = _scores(edges, maps, turns, chosen)
+        at = int(scores.argmax())
+        if scores[at] > score + 1e-9 and at != len(cube) // 2:
+            best, score = turns[at], float(scores[at])
+        else:
+            score = max(score, float(scores[len(cube) // 2]))
+            step /= 2
+    return best
+
+
+def _score(
+    edges: DepthEdges, maps: NDArray[np.float32], turn: Floats, chosen: NDArray[np.bool_]
+) -> float:
+    return float(_scores(edges, maps, turn[np.newaxis], chosen)[0])
+
+
+def _scores(
+    edges: DepthEdges, maps: NDArray[np.float32], turns: Floats, chosen: NDArray[np.bool_]
+) -> Floats:
+    """Return the mean edge strength under the depth edges for each of (T, 3) turns."""
+    camera, scores = edges.camera, np.zeros(len(turns))
+    _sum_edges(
+        edges.rays[chosen], edges.upright[chosen], edges.picture[chosen], maps, turns,
+        np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px]), scores,
+    )  # fmt: skip
+    return scores
+
+
+@numba.njit(cache=True)
+def _sum_edges(rays, upright, picture, maps, turns, K, scores):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202, PLR0917  # a kernel: numba infers
+    height, width = maps.shape[2], maps.shape[3]
+    for n in range(len(turns)):
+        # The camera turns by it, so the directions turn back: first order is enough here.
+        a, b, c = -turns[n, 0], -turns[n, 1], -turns[n, 2]
+        total, count = 0.0, 0
+        for i in range(len(rays)):
+            x, y = rays[i, 0], rays[i, 1]
+            z = 1.0 + a * y - b * x
+            u = K[0] * (x + b - c * y) / z + K[2]
+            v = K[1] * (y + c * x - a) / z + K[3]
+            left, top = math.floor(u), math.floor(v)
+            if left < 0 or top < 0 or left >= width - 1 or top >= height - 1:
+                continue
+            layer = maps[0 if upright[i] else 1, picture[i]]
+            du, dv = u - left, v - top
+            total += (1 - dv) * ((1 - du) * layer[top, left] + du * layer[top, left + 1])
+            total += dv * ((1 - du) * layer[top + 1, left] + du * layer[top + 1, left + 1])
+            count += 1
+        scores[n] = total / max(count, 1)

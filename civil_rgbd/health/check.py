@@ -1,0 +1,184 @@
+"""Is this recording fit? Everything that can be told before leaving the site, in seconds."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from civil_rgbd.domain.inspection import RecordingSummary
+from civil_rgbd.domain.recipe import Recipe
+from civil_rgbd.domain.recording import Recording, RecordingOptions
+from civil_rgbd.errors import RecordingError
+from civil_rgbd.geometry.transforms import compose, transform_from
+from civil_rgbd.health.alignment import Alignment, align
+from civil_rgbd.health.checks import CHECKS, Figure
+from civil_rgbd.health.coverage import coverage_figures
+from civil_rgbd.health.depth_edges import depth_edges
+from civil_rgbd.health.direction import compare_directions
+from civil_rgbd.health.inspection import choose
+from civil_rgbd.health.pictures import look_at_pictures, picture_figures
+from civil_rgbd.health.rates import drift_figure as clock_figure
+from civil_rgbd.health.rates import rate_figures
+from civil_rgbd.health.sampling import stretches_of, viewer_of
+from civil_rgbd.health.steadiness import drift_figure, jump_figures
+from civil_rgbd.health.tracks import tracks_of
+from civil_rgbd.health.turning import TimeOffset, time_offset
+
+_NO_POSES = "the recording has no poses yet"
+_OF_POSES = ("pose-rate", "pose-gap", "pose-jump", "pose-jerk", "time-offset", "extrinsics",
+             "pose-drift", "frames", "coverage")  # fmt: skip
+_GAIN = 1.05
+"""A turn that hardly makes edges meet better is no finding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CheckInput:
+    """A recording, and what else is known of it.
+
+    Attributes:
+        recording: opened; without poses, as if the LiDAR stood still.
+        posed: whether it has poses.
+        summary: what it holds; None of sources that are not inspected.
+        options: with which it was opened.
+        imu_stamps_ns: (M,) int64; None without an IMU.
+    """
+
+    recording: Recording
+    posed: bool
+    summary: RecordingSummary | None
+    options: RecordingOptions
+    imu_stamps_ns: NDArray[np.int64] | None = None
+
+
+def check_recording(given: CheckInput, recipe: Recipe) -> tuple[Figure, ...]:
+    """Take every figure of :data:`civil_rgbd.health.checks.CHECKS`, in their order.
+
+    Args:
+        given: the recording.
+        recipe: what coverage is expected with.
+    """
+    # A recording that can be sent to a worker opens its files there anew: so does a copy of it,
+    # which may then be read beside the first. Decoding and numpy let go of the interpreter.
+    other = replace(given, recording=pickle.loads(pickle.dumps(given.recording)))  # noqa: S301  # our own
+    with ThreadPoolExecutor(1) as second:
+        beside = second.submit(lambda: [*_pictures(other), *_coverage(other, recipe)])
+        figures = [*_rates(given), *_poses(given), *_mounting(given), *beside.result()]
+    place = {code: number for number, code in enumerate(CHECKS)}
+    return tuple(sorted(figures, key=lambda figure: place[figure.code]))
+
+
+def _rates(given: CheckInput) -> Iterator[Figure]:
+    recording = given.recording
+    yield from rate_figures("lidar", recording.scan_stamps_ns)
+    yield from rate_figures("image", recording.image_stamps_ns)
+    if given.imu_stamps_ns is not None:
+        yield from rate_figures("imu", given.imu_stamps_ns)
+    topics = {}
+    if given.summary is not None:
+        chosen = choose(given.summary, given.options)
+        imu = tuple(given.summary.of_role("imu"))
+        for role, found in (("lidar", chosen.lidars), ("image", chosen.images), ("imu", imu)):
+            if len(found) == 1:
+                topics[role] = found[0]
+    yield clock_figure(given.summary, topics)
+
+
+def _pictures(given: CheckInput) -> Iterator[Figure]:
+    viewer = viewer_of(given.recording.rig.camera)
+    yield from picture_figures(look_at_pictures(given.recording, viewer))
+
+
+def _poses(given: CheckInput) -> Iterator[Figure]:
+    if not given.posed:
+        yield from (Figure(code, None, _NO_POSES) for code in _OF_POSES if code.startswith("pose"))
+        return
+    yield from rate_figures("pose", given.recording.trajectory.stamps_ns)
+    yield from jump_figures(given.recording.trajectory)
+
+
+def _mounting(given: CheckInput) -> Iterator[Figure]:
+    recording = given.recording
+    if not given.posed:
+        yield Figure("time-offset", None, _NO_POSES)
+        yield Figure("extrinsics", None, _NO_POSES)
+        yield _inverted(recording)
+        return
+    stretches = tuple(stretches_of(recording))
+    yield drift_figure(stretches)
+    viewer = viewer_of(recording.rig.camera)
+    offset = time_offset(recording, tracks_of(recording, stretches, viewer))
+    yield _offset_figure(recording, offset)
+    if offset.offset_s is None:
+        # Unless it turns, an image's instant and the camera's turn cannot be told apart.
+        yield Figure("extrinsics", None, offset.why_not)
+        yield _inverted(recording)
+        return
+    alignment = align(depth_edges(recording, stretches, viewer, offset.offset_s))
+    yield _extrinsics_figure(recording, alignment)
+    yield Figure("rig-inverted", 0.0) if alignment.turn_deg else _inverted(recording)
+
+
+def _offset_figure(recording: Recording, offset: TimeOffset) -> Figure:
+    if offset.offset_s is None:
+        return Figure("time-offset", None, offset.why_not)
+    whole_s = recording.rig.camera_time_offset_s + offset.offset_s
+    return Figure(
+        "time-offset",
+        1000 * abs(offset.offset_s),
+        f"{1000 * offset.offset_s:+.1f} ms are to be added to the images' stamps; the sensors turn "
+        f"at {offset.rate_rad_s:.2f} rad/s RMS",
+        fix=f"write camera_time_offset_s = {whole_s:.4f} into the rig file (--rig)",
+        sigma=1000 * offset.sigma_s,
+    )
+
+
+def _extrinsics_figure(recording: Recording, alignment: Alignment) -> Figure:
+    if alignment.turn_deg is None or alignment.angle_deg is None:
+        return Figure("extrinsics", None, alignment.why_not)
+    x, y, z = alignment.turn_deg
+    said = (
+        f"about the camera's x {x:+.2f}, y {y:+.2f}, z {z:+.2f} deg; {alignment.edges} depth edges "
+        f"meet image edges {alignment.contrast:.2f} times chance, {alignment.contrast_as_given:.2f}"
+        " as given"
+    )
+    angle = alignment.angle_deg
+    if alignment.contrast < _GAIN * alignment.contrast_as_given:
+        angle = min(angle, CHECKS["extrinsics"].limit)
+    R, _ = cv2.Rodrigues(np.radians(alignment.turn_deg))
+    turned = compose(recording.rig.T_lidar_camera, transform_from(R, np.zeros(3)))
+    line = f"T_lidar_camera = {(np.round(turned, 6) + 0.0).tolist()}"
+    return Figure(
+        "extrinsics",
+        angle,
+        said,
+        fix=f"calibrate again, or write into the rig file (--rig): {line}",
+        sigma=alignment.sigma_deg,
+    )
+
+
+def _inverted(recording: Recording) -> Figure:
+    try:
+        report = compare_directions(recording)
+    except RecordingError as error:
+        return Figure("rig-inverted", None, error.what)
+    if report.misses:
+        return Figure("rig-inverted", 1.0, "hardly any point falls into the images as given")
+    if report.verdict == "undecided":
+        return Figure("rig-inverted", None, "the images do not tell the two apart")
+    said = (
+        f"{report.given.contrast:.2f} times chance as given, {report.inverse.contrast:.2f} turned"
+    )
+    return Figure("rig-inverted", float(report.verdict == "inverse"), said)
+
+
+def _coverage(given: CheckInput, recipe: Recipe) -> Iterator[Figure]:
+    if given.posed:
+        yield from coverage_figures(given.recording, recipe)
+    else:
+        yield from (Figure(code, None, _NO_POSES) for code in ("frames", "coverage"))

@@ -1,0 +1,172 @@
+"""Are the poses one smooth way, and do points of different times agree through them?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from civil_rgbd.constants import NS_PER_S
+from civil_rgbd.geometry.trajectory import Trajectory
+from civil_rgbd.health.checks import Figure
+from civil_rgbd.health.sampling import Stretch
+from civil_rgbd.odometry.surfaces import Planes, cells_of, keys_of, planes_of
+
+Floats = NDArray[np.float64]
+
+_NEIGHBOURS: Final = 3
+_LONGEST_STEP_NS: Final = NS_PER_S // 4
+_PUSH_M_S2: Final = 5.0
+_TWIST_RAD_S2: Final = 10.0
+"""What a carried or driven sensor may do between two poses, and be no jump."""
+
+_DISJOINT_NS: Final = 1_600_000_000  # stretches with the points around them do not share any
+_SOURCE_POINTS: Final = 12_000
+_FEWEST_POINTS: Final = 400
+_ROUNDS: Final = 8
+_WIDEST_M, _NARROWEST_M = 0.5, 0.1
+_USUAL_M, _USUAL_RAD = 0.5, 0.05
+_DOUBT_M: Final = 0.2
+"""Neighbouring points share their errors: a hundred of them say what one of 2 cm says."""
+_PRIOR: Final = np.diag(_DOUBT_M**2 / np.array([*[_USUAL_RAD] * 3, *[_USUAL_M] * 3]) ** 2)
+_HELD_SHARE: Final = 0.015
+
+
+def jump_figures(trajectory: Trajectory) -> Iterator[Figure]:
+    """Find steps of the poses that no motion explains: those before and after do not make them."""
+    steps_ns = np.diff(trajectory.stamps_ns)
+    if len(steps_ns) < 2 * _NEIGHBOURS:
+        yield from (Figure(code, None, "too few poses") for code in ("pose-jump", "pose-jerk"))
+        return
+    steps_s = steps_ns / NS_PER_S
+    moves = np.diff(trajectory.translations_m, axis=0)
+    turns = _turns(trajectory.quaternions_xyzw)
+    for code, made, push, unit in (
+        ("pose-jump", moves, _PUSH_M_S2, 1.0),
+        ("pose-jerk", turns, _TWIST_RAD_S2, 180 / np.pi),
+    ):
+        off = made - _usual_rates(made / steps_s[:, np.newaxis]) * steps_s[:, np.newaxis]
+        beyond = np.sqrt((off**2).sum(axis=1)) - push * steps_s**2
+        beyond[steps_ns > _LONGEST_STEP_NS] = 0.0  # a gap: its silence is a finding of its own
+        beyond[:_NEIGHBOURS] = beyond[-_NEIGHBOURS:] = 0.0  # who sets off has no steps before
+        at = int(beyond.argmax())
+        after_s = (int(trajectory.stamps_ns[at]) - trajectory.start_ns) / NS_PER_S
+        yield Figure(code, max(0.0, float(beyond[at])) * unit, f"{after_s:.2f} s after the first")
+
+
+def _turns(quaternions_xyzw: Floats) -> Floats:
+    """Return small rotation vectors from each pose to the next, body frame."""
+    a, b = quaternions_xyzw[:-1], quaternions_xyzw[1:]
+    vector = a[:, 3:] * b[:, :3] - b[:, 3:] * a[:, :3] - np.cross(a[:, :3], b[:, :3])
+    cosine = (a * b).sum(axis=1, keepdims=True)
+    turns: Floats = 2 * vector * np.where(cosine < 0, -1.0, 1.0)
+    return turns
+
+
+def _usual_rates(rates: Floats) -> Floats:
+    """Return the median rate of the steps around each, itself left out."""
+    count = len(rates)
+    around = [k for k in range(-_NEIGHBOURS, _NEIGHBOURS + 1) if k]
+    places = np.clip(np.arange(count)[:, np.newaxis] + around, 0, count - 1)
+    usual: Floats = np.median(rates[places], axis=1)
+    return usual
+
+
+def drift_figure(stretches: Sequence[Stretch]) -> Figure:
+    """Compare the points of stretches that follow one another, through the poses.
+
+    Args:
+        stretches: in time order.
+
+    Returns:
+        how fast they move apart; not observable where none overlap.
+    """
+    worst: tuple[float, str] | None = None
+    compared = 0
+    for earlier, later in _pairs(stretches):
+        apart_m = disagreement(earlier.points_map, later.points_map)
+        if apart_m is None:
+            continue
+        compared += 1
+        span_s = (later.start_ns - earlier.start_ns) / NS_PER_S
+        after_s = (earlier.start_ns - stretches[0].start_ns) / NS_PER_S
+        said = f"{apart_m:.3f} m within {span_s:.1f} s, {after_s:.0f} s after the start"
+        if worst is None or apart_m / span_s > worst[0]:
+            worst = apart_m / span_s, said
+    if worst is None:
+        return Figure("pose-drift", None, "no two stretches see the same surfaces at times apart")
+    return Figure("pose-drift", worst[0], f"{worst[1]}; {compared} pairs compared")
+
+
+def _pairs(stretches: Sequence[Stretch]) -> Iterator[tuple[Stretch, Stretch]]:
+    for number, earlier in enumerate(stretches):
+        for later in stretches[number + 1 :]:
+            if later.start_ns - earlier.start_ns >= _DISJOINT_NS:
+                yield earlier, later
+                break
+
+
+def disagreement(target_map: Floats, source_map: Floats) -> float | None:
+    """Say how far the second cloud must be moved to lie on the planes of the first.
+
+    Args:
+        target_map: (N, 3) metres.
+        source_map: (M, 3) metres.
+
+    Returns:
+        metres, at the middle of what both see; directions that no plane fixes count as agreed.
+        None where they share too little.
+    """
+    planes = planes_of(cells_of(target_map))
+    source = source_map[:: max(1, len(source_map) // _SOURCE_POINTS)]
+    shared = _plane_of(planes, source)[1]
+    if shared.sum() < _FEWEST_POINTS:
+        return None
+    middle = source[shared].mean(axis=0)
+    moved, turn, shift = source - middle, np.eye(3), np.zeros(3)
+    for number in range(_ROUNDS):
+        width = max(_NARROWEST_M, _WIDEST_M * 0.6**number)
+        normal, pull = _pull(planes, moved @ turn.T + shift + middle, middle, width)
+        if normal[3:, 3:].trace() < _FEWEST_POINTS / 4:
+            return None
+        change: Floats = -np.linalg.solve(normal + _PRIOR, pull)
+        turn = _small_rotation(change[:3]) @ turn
+        shift = shift + change[3:]
+    # What is known of the shift whatever the turn is; along a tunnel, nothing.
+    turning = normal[:3, :3] + _PRIOR[:3, :3]
+    known, axes = np.linalg.eigh(
+        normal[3:, 3:] - normal[3:, :3] @ np.linalg.solve(turning, normal[:3, 3:])
+    )
+    held = known > _HELD_SHARE * normal[3:, 3:].trace()
+    along = (axes.T @ shift) * held
+    return float(np.sqrt((along**2).sum())) if held.any() else None
+
+
+def _plane_of(planes: Planes, points: Floats) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    if not len(planes.keys):
+        return np.zeros(len(points), np.intp), np.zeros(len(points), np.bool_)
+    keys = keys_of(points)
+    at = np.clip(np.searchsorted(planes.keys, keys), 0, len(planes.keys) - 1)
+    return at, planes.keys[at] == keys
+
+
+def _pull(planes: Planes, points: Floats, middle: Floats, width_m: float) -> tuple[Floats, Floats]:
+    """Return how firmly planes hold points (6, 6), and where they pull them (6,): turn, shift."""
+    at, known = _plane_of(planes, points)
+    normals, arms = planes.normals[at], points - middle
+    off = ((points - planes.middles_m[at]) * normals).sum(axis=1)
+    used = known & (np.abs(off) < width_m)
+    off, normals, arms = off[used], normals[used], arms[used]
+    rows = np.concatenate([np.cross(arms, normals), normals], axis=1)
+    weight = 1 / (1 + (off / (width_m / 2)) ** 2)
+    return (rows * weight[:, np.newaxis]).T @ rows, rows.T @ (weight * off)
+
+
+def _small_rotation(turn: Floats) -> Floats:
+    x, y, z = turn
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    u, _, v = np.linalg.svd(np.eye(3) + skew)
+    rotation: Floats = u @ v
+    return rotation

@@ -1,0 +1,118 @@
+"""Features followed from image to image, with the depths that the LiDAR gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from civil_rgbd.domain.recording import Recording
+from civil_rgbd.geometry.camera import PinholeCamera
+from civil_rgbd.geometry.transforms import inverse, transform_points
+from civil_rgbd.health.sampling import Stretch, Viewer, camera_poses, image_stamps, small_grey
+
+Floats = NDArray[np.float64]
+
+FEWEST_FEATURES: Final = 25
+"""With fewer, two images say nothing."""
+
+_FEATURES: Final = 250
+_LONGEST_NS: Final = 350_000_000
+_EVERY: Final = 8  # points that give coarse depths
+_CELL_PX: Final = 8
+_USUAL_DEPTH_M: Final = 12.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """Features followed from one image to the next.
+
+    Attributes:
+        from_ns: stamp of the earlier image, LiDAR clock as far as it is known.
+        to_ns: of the later one.
+        rays: (F, 3) directions in the earlier camera, z = 1.
+        seen: (F, 3) in the later one.
+        depths_m: (F,) along z, by the LiDAR.
+    """
+
+    from_ns: int
+    to_ns: int
+    rays: Floats
+    seen: Floats
+    depths_m: Floats
+
+
+def tracks_of(
+    recording: Recording, stretches: Sequence[Stretch], viewer: Viewer
+) -> tuple[Track, ...]:
+    """Follow features through the images of each stretch."""
+    return tuple(track for stretch in stretches for track in _tracks_in(recording, stretch, viewer))
+
+
+def _tracks_in(recording: Recording, stretch: Stretch, viewer: Viewer) -> Iterator[Track]:
+    stamps_ns = image_stamps(recording)
+    points_map = stretch.points_map[::_EVERY]
+    before: tuple[int, NDArray[np.uint8]] | None = None
+    for index in stretch.images:
+        small = small_grey(recording, index, viewer.reduction)
+        if small is None:
+            continue
+        stamp_ns, grey = int(stamps_ns[index]), viewer.look(small)
+        if before is not None and 0 < stamp_ns - before[0] < _LONGEST_NS:
+            followed = _followed(before[1], grey, viewer)
+            if followed is not None:
+                T_map_camera = camera_poses(recording, np.array([before[0]]))[0]
+                depths = _depths(
+                    transform_points(inverse(T_map_camera), points_map), viewer.camera, followed[0]
+                )
+                rays, seen = (_rays(pixels, viewer.camera) for pixels in followed)
+                yield Track(before[0], stamp_ns, rays, seen, depths)
+        before = stamp_ns, grey
+
+
+def _followed(
+    first: NDArray[np.uint8], second: NDArray[np.uint8], viewer: Viewer
+) -> tuple[Floats, Floats] | None:
+    mask = viewer.exists.astype(np.uint8)
+    corners = cv2.goodFeaturesToTrack(first, _FEATURES, 0.01, 10, mask=mask)
+    if corners is None or len(corners) < FEWEST_FEATURES:
+        return None
+    found, status, _ = cv2.calcOpticalFlowPyrLK(
+        first, second, corners, None, winSize=(15, 15), maxLevel=4
+    )
+    last = viewer.camera.width_px - 1, viewer.camera.height_px - 1
+    inside = ((found[:, 0] >= 0) & (found[:, 0] < last)).all(axis=1)
+    good = (status[:, 0] == 1) & inside
+    if good.sum() < FEWEST_FEATURES:
+        return None
+    return corners[good, 0].astype(np.float64), found[good, 0].astype(np.float64)
+
+
+def _depths(points_camera: Floats, camera: PinholeCamera, pixels: Floats) -> Floats:
+    """Return a coarse depth for each of (F, 2) pixels: the nearest point's about it."""
+    points = points_camera[points_camera[:, 2] > 0.5]
+    u = (camera.fx_px * points[:, 0] / points[:, 2] + camera.cx_px) / _CELL_PX
+    v = (camera.fy_px * points[:, 1] / points[:, 2] + camera.cy_px) / _CELL_PX
+    shape = (camera.height_px // _CELL_PX + 1, camera.width_px // _CELL_PX + 1)
+    inside = (u >= 0) & (v >= 0) & (u < shape[1]) & (v < shape[0])
+    near = np.zeros(shape, dtype=np.float32)
+    cells = v[inside].astype(int), u[inside].astype(int)
+    np.maximum.at(near, cells, (1 / points[inside, 2]).astype(np.float32))
+    usual = float(np.median(near[near > 0])) if (near > 0).any() else 1 / _USUAL_DEPTH_M
+    spread = cv2.dilate(near, np.ones((3, 3)))
+    filled: Floats = 1 / np.where(near > 0, near, np.where(spread > 0, spread, usual))
+    columns, rows = (pixels / _CELL_PX).astype(int).T
+    chosen: Floats = filled[rows, columns]
+    return chosen
+
+
+def _rays(pixels: Floats, camera: PinholeCamera) -> Floats:
+    return np.column_stack([
+        (pixels[:, 0] - camera.cx_px) / camera.fx_px,
+        (pixels[:, 1] - camera.cy_px) / camera.fy_px,
+        np.ones(len(pixels)),
+    ])  # fmt: skip

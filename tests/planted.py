@@ -1,0 +1,228 @@
+"""Variants of recordings, by fault: each at no less than twice its limit, some of it by chance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from .recording_faults import (
+    CAMERA_INFO,
+    IMAGE,
+    IMU,
+    LIDAR,
+    ODOMETRY,
+    Edit,
+    Extent,
+    blur,
+    brighten,
+    chained,
+    cut,
+    drop_share,
+    keep_every,
+    log_later,
+    matrix_of,
+    move_poses,
+    quaternion_of,
+    remount,
+    repaint,
+    restamp,
+    rotation,
+    silence,
+)
+
+CAMERA: Final = (IMAGE, CAMERA_INFO)
+Rng = np.random.Generator
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One edit of a recording.
+
+    Attributes:
+        edit: of its messages.
+        planted: the numbers, for the record.
+    """
+
+    edit: Edit
+    planted: dict[str, float | list[float]]
+
+
+def clean(extent: Extent, rng: Rng) -> Variant:
+    """Nothing amiss: a part of the recording, logged a little late, a lost image here and there."""
+    length = max(10.0, extent.seconds * rng.uniform(0.7, 1.0)) / extent.seconds
+    start = rng.uniform(0, max(0.0, 1 - length))
+    lost = rng.uniform(0, 0.02)
+    late_ms = rng.uniform(0, 5)
+    edits = (
+        cut(extent.at(start), extent.at(min(1.0, start + length))),
+        drop_share(CAMERA, lost, rng),
+        log_later(lambda: round(rng.exponential(late_ms) * 1e6)),
+    )
+    return Variant(chained(*edits), {"start": start, "length": length, "late_ms": late_ms})
+
+
+def _scans_dropped(extent: Extent, rng: Rng) -> Variant:
+    del extent
+    share = rng.uniform(0.08, 0.2)  # by chance fewer than asked for may fall
+    return Variant(drop_share((LIDAR,), share, rng), {"share": share})
+
+
+def _images_dropped(extent: Extent, rng: Rng) -> Variant:
+    del extent
+    share = rng.uniform(0.25, 0.45)
+    return Variant(drop_share(CAMERA, share, rng), {"share": share})
+
+
+def _imu_dropped(extent: Extent, rng: Rng) -> Variant:
+    del extent
+    share = rng.uniform(0.05, 0.3)
+    return Variant(drop_share((IMU,), share, rng), {"share": share})
+
+
+def _gap(
+    topics: tuple[str, ...], least_s: float, most_s: float
+) -> Callable[[Extent, Rng], Variant]:
+    def plant(extent: Extent, rng: Rng) -> Variant:
+        seconds, at = rng.uniform(least_s, most_s), rng.uniform(0.2, 0.7)
+        return Variant(silence(topics, extent.at(at), seconds), {"seconds": seconds, "at": at})
+
+    return plant
+
+
+def _image_rate(extent: Extent, rng: Rng) -> Variant:
+    del extent
+    step = int(rng.integers(10, 15))
+    return Variant(keep_every(CAMERA, step), {"step": step})
+
+
+def _clock_drift(extent: Extent, rng: Rng) -> Variant:
+    drift_ms = float(rng.choice([-1, 1]) * rng.uniform(20, 60))
+    topics = CAMERA if rng.random() < 0.5 else (IMU,)
+    share = drift_ms * 1e6 / (extent.last_ns - extent.first_ns)
+
+    def late(stamp_ns: int) -> int:
+        return stamp_ns + round(share * (stamp_ns - extent.first_ns))
+
+    return Variant(restamp(topics, late), {"drift_ms": drift_ms})
+
+
+def _overexposed_start(extent: Extent, rng: Rng) -> Variant:
+    seconds, factor = rng.uniform(0.4, 1.8), rng.uniform(15, 60)
+
+    def paint(pixels, stamp_ns):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # as repaint's
+        since = (stamp_ns - extent.first_ns) / 1e9 / seconds
+        return brighten(pixels, factor ** (1 - 0.3 * since))
+
+    end_ns = extent.first_ns + round(seconds * 1e9)
+    return Variant(repaint(lambda ns: ns < end_ns, paint), {"seconds": seconds, "factor": factor})
+
+
+def _block(extent: Extent, rng: Rng, least: float, most: float) -> tuple[float, int, int]:
+    share = rng.uniform(least, most)
+    start = rng.uniform(0.3, 1 - share)
+    return share, extent.at(start), extent.at(start + share)
+
+
+def _overexposed(extent: Extent, rng: Rng) -> Variant:
+    share, first, last = _block(extent, rng, 0.15, 0.4)
+    factor = rng.uniform(20, 60)
+    edit = repaint(lambda ns: first <= ns < last, lambda pixels, _: brighten(pixels, factor))
+    return Variant(edit, {"share": share, "factor": factor})
+
+
+def _blurred(extent: Extent, rng: Rng) -> Variant:
+    share, first, last = _block(extent, rng, 0.15, 0.4)
+    sigma = rng.uniform(2.0, 4.0)
+    angle = None if rng.random() < 0.5 else float(rng.uniform(0, np.pi))
+    edit = repaint(lambda ns: first <= ns < last, lambda pixels, _: blur(pixels, sigma, angle))
+    return Variant(
+        edit, {"share": share, "sigma_px": sigma, "angle": -1.0 if angle is None else angle}
+    )
+
+
+def _time_offset(extent: Extent, rng: Rng) -> Variant:
+    del extent
+    ms = float(rng.choice([-1, 1]) * rng.uniform(30, 100))
+    # What is to be added to the images' stamps is what was taken from them.
+    return Variant(restamp(CAMERA, lambda ns: ns - round(ms * 1e6)), {"offset_ms": ms})
+
+
+def _extrinsics(extent: Extent, rng: Rng) -> Variant:
+    del extent
+    axis, degrees = rng.normal(size=3), float(rng.uniform(1, 2))
+    turn = rotation(axis, degrees)
+    # The stated camera is to be turned back by what was put on.
+    back = -degrees * axis / np.sqrt((axis**2).sum())
+    return Variant(remount(lambda T: T @ turn), {"turn_deg": back.tolist()})
+
+
+def _rig_inverted(extent: Extent, rng: Rng) -> Variant:
+    del extent, rng
+    return Variant(remount(np.linalg.inv), {})
+
+
+def _coverage(extent: Extent, rng: Rng) -> Variant:
+    del extent
+    degrees = float(rng.choice([-1, 1]) * rng.uniform(85, 120))
+    turn = rotation(np.array([0.0, 1.0, 0.0]), degrees)
+    return Variant(remount(lambda T: T @ turn), {"degrees": degrees})
+
+
+def _pose_jump(extent: Extent, rng: Rng) -> Variant:
+    metres, at_ns = rng.uniform(0.2, 1.0), extent.at(rng.uniform(0.2, 0.8))
+    way = rng.normal(size=3)
+    step = metres * way / np.sqrt((way**2).sum())
+
+    def moved(stamp_ns, place, turn):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # as move_poses'
+        return [*(place + step * (stamp_ns >= at_ns)), *turn]
+
+    return Variant(move_poses(moved), {"metres": metres})
+
+
+def _pose_jerk(extent: Extent, rng: Rng) -> Variant:
+    degrees, at_ns = rng.uniform(2, 6), extent.at(rng.uniform(0.2, 0.8))
+    R = rotation(rng.normal(size=3), degrees)[:3, :3]
+
+    def moved(stamp_ns, place, turn):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # as move_poses'
+        new = turn if stamp_ns < at_ns else quaternion_of(matrix_of(turn) @ R)
+        return [*place, *new]
+
+    return Variant(move_poses(moved), {"degrees": degrees})
+
+
+def _pose_drift(extent: Extent, rng: Rng) -> Variant:
+    speed = rng.uniform(0.06, 0.12)
+    way = rng.normal(size=3)
+    way *= speed / np.sqrt((way**2).sum())
+
+    def moved(stamp_ns, place, turn):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # as move_poses'
+        return [*(place + way * (stamp_ns - extent.first_ns) / 1e9), *turn]
+
+    return Variant(move_poses(moved), {"m_per_s": speed, "way": way.tolist()})
+
+
+FAULTS: Final[dict[str, Callable[[Extent, Rng], Variant]]] = {
+    "image-rate": _image_rate,
+    "scans-dropped": _scans_dropped,
+    "images-dropped": _images_dropped,
+    "imu-dropped": _imu_dropped,
+    "lidar-gap": _gap((LIDAR,), 0.8, 2.0),
+    "image-gap": _gap(CAMERA, 1.1, 2.5),
+    "imu-gap": _gap((IMU,), 0.2, 1.0),
+    "pose-gap": _gap((ODOMETRY,), 0.55, 1.5),
+    "clock-drift": _clock_drift,
+    "overexposed-start": _overexposed_start,
+    "overexposed": _overexposed,
+    "blurred": _blurred,
+    "time-offset": _time_offset,
+    "extrinsics": _extrinsics,
+    "rig-inverted": _rig_inverted,
+    "coverage": _coverage,
+    "pose-jump": _pose_jump,
+    "pose-jerk": _pose_jerk,
+    "pose-drift": _pose_drift,
+}
+"""What plants each fault, by the code of the check that is to find it."""
