@@ -12,6 +12,7 @@ from civil_rgbd.builder.chunks import BRIDGE, DONE
 from civil_rgbd.builder.provenance import reading_record, recipe_record, software
 from civil_rgbd.constants import BRIDGE_ID_PATTERN
 from civil_rgbd.domain.bridge import BridgeInfo, Counts, Manifest, rig_record
+from civil_rgbd.domain.frame import QUALITY_PLANES
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.errors import BuildError, FormatError, UsageError
@@ -130,8 +131,21 @@ def manifest_before(
         salvage=notes.salvage,
         map_up=notes.map_up,
         map_origin_m=(x, y, z),
+        quality=quality_record(recipe),
         warnings=notes.warnings,
     )
+
+
+def quality_record(recipe: Recipe) -> dict[str, object] | None:
+    """Return what a manifest says of the quality planes; None where the recipe asks for none."""
+    if recipe.quality is None:
+        return None
+    planes = [(name, *QUALITY_PLANES[name]) for name in recipe.quality.planes]
+    return {
+        "planes": [
+            {"channel": name, "unit": unit, "description": words} for name, unit, words in planes
+        ]
+    }
 
 
 def find_whole(folder: Place, wanted: Manifest, *, overwrite: bool) -> Manifest | None:

@@ -184,6 +184,10 @@ def _whole(folder: Place, row: FrameRow, there: Mapping[str, int] | None) -> boo
         return (
             file_sha256(folder / row.rgb_path) == row.rgb_file_sha256
             and file_sha256(folder / row.depth_path) == row.depth_file_sha256
+            and (
+                row.quality_path is None
+                or file_sha256(folder / row.quality_path) == row.quality_file_sha256
+            )
         )
     except OSError:
         return False

@@ -17,6 +17,7 @@ from civil_rgbd.domain.recipe import (
     FilterStage,
     ImageStage,
     PosesStage,
+    QualityStage,
     Recipe,
     SelectStage,
     VisibilityStage,
@@ -32,8 +33,9 @@ _STAGES: dict[str, type[Any]] = {
     "image": ImageStage,
     "depth": DepthStage,
     "visibility": VisibilityStage,
+    "quality": QualityStage,
 }
-_ON_REQUEST = frozenset({"visibility"})
+_ON_REQUEST = frozenset({"visibility", "quality"})
 """Stages that a recipe without their table does not have."""
 
 
@@ -161,9 +163,11 @@ def _in_their_types(kind: type[Any], values: dict[str, Any]) -> dict[str, Any]:
         for field in dataclasses.fields(kind)
         if type(field.default) in {int, float}
     }
-    return {
+    typed = {
         name: numbers[name](value) if name in numbers else value for name, value in values.items()
     }
+    # Planes are a set: their order and repetition mean nothing.
+    return {k: tuple(sorted(set(v))) if isinstance(v, list) else v for k, v in typed.items()}
 
 
 def _refuse_unknown_keys(document: dict[str, Any], where: object) -> None:

@@ -32,6 +32,7 @@ class BridgeDataset(Dataset[dict[str, Any]]):
     - ``intrinsics`` (3, 3) float32; pixel (0, 0) is a pixel's centre
     - ``T_map_camera`` (4, 4) float64, takes points of the camera's optical frame to the map
     - ``bridge`` str, ``frame`` str, ``stamp_ns`` int
+    - on request ``quality``, a dictionary of (1, H, W) float32 by :attr:`quality_planes`
 
     Samples collate by default. Images of one bridge have one size; bridges may differ, and a batch
     that mixes sizes needs a ``transform`` that makes them equal. Frames come in the order of bridge
@@ -44,9 +45,11 @@ class BridgeDataset(Dataset[dict[str, Any]]):
         split: name of a split in ``dataset.json``; None for all frames.
         frames: frame ids, in any of the bridges, or frame ids by bridge; None for all.
         transform: a function of the sample, applied last; it is sent to workers.
+        quality: give the quality planes too, those that every chosen bridge has.
 
     Raises:
-        UsageError: a bridge, split or frame is not there, or no frame is left.
+        UsageError: a bridge, split or frame is not there, or no frame is left; or quality planes
+            are asked for, and the bridges have none in common.
         FormatError: a document in the folder breaks the format.
     """
 
@@ -58,10 +61,18 @@ class BridgeDataset(Dataset[dict[str, Any]]):
         split: str | None = None,
         frames: FrameChoice | None = None,
         transform: Transform | None = None,
+        quality: bool = False,
     ) -> None:
         stop_decoder_threads()
         self._index = read_index(place_of(location), bridges=bridges, split=split, frames=frames)
         self._transform = transform
+        self._quality = quality
+        _require_planes(self._index, location, asked=quality)
+
+    @property
+    def quality_planes(self) -> tuple[str, ...]:
+        """Names of the quality planes that every bridge here has, in order."""
+        return self._index.quality_planes
 
     @property
     def bridges(self) -> tuple[str, ...]:
@@ -85,7 +96,7 @@ class BridgeDataset(Dataset[dict[str, Any]]):
             IndexError: there are fewer frames.
             FormatError: one of its files is missing or damaged.
         """
-        sample = read_sample(self._index, _place_in(len(self), place))
+        sample = read_sample(self._index, _place_in(len(self), place), quality=self._quality)
         return sample if self._transform is None else self._transform(sample)
 
 
@@ -108,6 +119,7 @@ class BridgeSequenceDataset(Dataset[dict[str, Any]]):
         split: name of a split in ``dataset.json``; None for all frames.
         frames: frame ids, in any of the bridges, or frame ids by bridge; None for all.
         transform: a function of the window, applied last; it is sent to workers.
+        quality: give the quality planes too: ``quality``, (T, 1, H, W) each.
 
     Raises:
         UsageError: as :class:`BridgeDataset`; or no window fits.
@@ -125,6 +137,7 @@ class BridgeSequenceDataset(Dataset[dict[str, Any]]):
         split: str | None = None,
         frames: FrameChoice | None = None,
         transform: Transform | None = None,
+        quality: bool = False,
     ) -> None:
         if min(length, stride) < 1:
             raise UsageError(
@@ -136,6 +149,8 @@ class BridgeSequenceDataset(Dataset[dict[str, Any]]):
         self._index = read_index(place_of(location), bridges=bridges, split=split, frames=frames)
         self._length = length
         self._transform = transform
+        self._quality = quality
+        _require_planes(self._index, location, asked=quality)
         runs = _unbroken_runs(self._index, max_gap_s=max_gap_s)
         self._starts = np.concatenate(
             [np.arange(first, end - length + 1, stride, dtype=np.int64) for first, end in runs]
@@ -166,8 +181,18 @@ class BridgeSequenceDataset(Dataset[dict[str, Any]]):
             FormatError: one of its files is missing or damaged.
         """
         start = int(self._starts[_place_in(len(self), place)])
-        window = read_window(self._index, range(start, start + self._length))
+        places = range(start, start + self._length)
+        window = read_window(self._index, places, quality=self._quality)
         return window if self._transform is None else self._transform(window)
+
+
+def _require_planes(index: FrameIndex, location: object, *, asked: bool) -> None:
+    if asked and not index.quality_planes:
+        raise UsageError(
+            f"the bridges {', '.join(index.bridges)} have no quality plane in common",
+            where=location,
+            fix="build them by a recipe with a table [quality], or choose bridges that have some",
+        )
 
 
 def _unbroken_runs(index: FrameIndex, *, max_gap_s: float | None) -> list[tuple[int, int]]:

@@ -25,7 +25,7 @@ from civil_rgbd.dataset.splits import (
 from civil_rgbd.errors import UsageError
 from civil_rgbd.format.datasets import read_dataset
 from civil_rgbd.format.layout import DATASET, MANIFEST, bridge_folders, is_bridge
-from civil_rgbd.format.manifest import read_manifest
+from civil_rgbd.format.manifest import quality_channels, read_manifest
 from civil_rgbd.format.reader import Bridge, read_bridge
 from civil_rgbd.geometry.transforms import matrix_from_quaternion, transform_from
 from civil_rgbd.storage.places import Place
@@ -47,6 +47,8 @@ class FrameIndex:
         frame_ids: (F,) bytes.
         rgb_paths: (F,) bytes, relative to the bridge folder.
         depth_paths: (F,) bytes, relative to the bridge folder.
+        quality_planes: names of the quality planes that every bridge has, in order; () without.
+        quality_paths: (F,) bytes, relative to the bridge folder; empty where there is none.
     """
 
     bridges: tuple[str, ...]
@@ -60,6 +62,8 @@ class FrameIndex:
     frame_ids: NDArray[np.bytes_]
     rgb_paths: NDArray[np.bytes_]
     depth_paths: NDArray[np.bytes_]
+    quality_planes: tuple[str, ...]
+    quality_paths: NDArray[np.bytes_]
 
     def __len__(self) -> int:
         """Count the frames."""
@@ -151,4 +155,12 @@ def _joined(kept: Mapping[str, tuple[Bridge, NDArray[np.int64]]]) -> FrameIndex:
         frame_ids=np.array([row.frame_id.encode() for row in rows]),
         rgb_paths=np.array([row.rgb_path.encode() for row in rows]),
         depth_paths=np.array([row.depth_path.encode() for row in rows]),
+        quality_planes=_shared_planes([bridge for bridge, _ in kept.values()]),
+        quality_paths=np.array([(row.quality_path or "").encode() for row in rows]),
     )
+
+
+def _shared_planes(bridges: Iterable[Bridge]) -> tuple[str, ...]:
+    """The quality planes that all bridges have: samples of one dataset have one shape."""
+    names = [set(quality_channels(bridge.manifest)) for bridge in bridges]
+    return tuple(sorted(set.intersection(*names)))

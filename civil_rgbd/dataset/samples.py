@@ -18,22 +18,25 @@ from civil_rgbd.dataset.index import FrameIndex
 from civil_rgbd.errors import FormatError
 from civil_rgbd.format.depth_exr import read_depth
 from civil_rgbd.format.images import read_image
+from civil_rgbd.format.quality_exr import read_quality
 
 TENSORS: Final = ("image", "depth", "valid", "intrinsics", "T_map_camera")
 """Keys of a sample whose values are tensors."""
 
 
-def read_sample(index: FrameIndex, place: int) -> dict[str, Any]:
+def read_sample(index: FrameIndex, place: int, *, quality: bool = False) -> dict[str, Any]:
     """Decode one frame.
 
     Args:
         index: the frames.
         place: which of them, 0 <= place < len(index).
+        quality: decode its quality planes as well.
 
     Returns:
         ``image`` (3, H, W) uint8, ``depth`` (1, H, W) float32 metres, ``valid`` (1, H, W) bool,
         ``intrinsics`` (3, 3) float32, ``T_map_camera`` (4, 4) float64, ``bridge`` str, ``frame``
-        str, ``stamp_ns`` int. Writing to a tensor changes no other sample.
+        str, ``stamp_ns`` int; with ``quality`` also ``quality``, a dictionary of (1, H, W) float32
+        by the names of ``index.quality_planes``. Writing to a tensor changes no other sample.
 
     Raises:
         FormatError: a file is missing, damaged, or of another size than its camera.
@@ -51,7 +54,7 @@ def read_sample(index: FrameIndex, place: int) -> dict[str, Any]:
         )
     image = torch.from_numpy(_channels_first(rgb))  # now, while the pixels are in the cache
     depth_m = read_depth(folder / index.depth_paths[place].decode(), size=(height, width))
-    return {
+    sample = {
         "image": image,
         "depth": torch.from_numpy(np.require(depth_m, requirements=["C", "W"]))[None],
         "valid": torch.from_numpy(depth_m > NO_DEPTH_M)[None],
@@ -61,14 +64,22 @@ def read_sample(index: FrameIndex, place: int) -> dict[str, Any]:
         "frame": index.frame_ids[place].decode(),
         "stamp_ns": int(index.stamps_ns[place]),
     }
+    if quality:
+        planes = read_quality(folder / index.quality_paths[place].decode(), size=(height, width))
+        sample["quality"] = {
+            name: torch.from_numpy(planes[name].astype(np.float32))[None]
+            for name in index.quality_planes
+        }
+    return sample
 
 
-def read_window(index: FrameIndex, places: range) -> dict[str, Any]:
+def read_window(index: FrameIndex, places: range, *, quality: bool = False) -> dict[str, Any]:
     """Decode neighbouring frames of one bridge.
 
     Args:
         index: the frames.
         places: T of them, of one bridge.
+        quality: decode their quality planes as well.
 
     Returns:
         as :func:`read_sample`, each tensor with a first axis of T; ``bridge`` str, ``frame`` a list
@@ -77,10 +88,15 @@ def read_window(index: FrameIndex, places: range) -> dict[str, Any]:
     Raises:
         FormatError: a file is missing, damaged, or of another size than its camera.
     """
-    samples = [read_sample(index, place) for place in places]
+    samples = [read_sample(index, place, quality=quality) for place in places]
     stacked: dict[str, Any] = {
         name: torch.stack([sample[name] for sample in samples]) for name in TENSORS
     }
+    if quality:
+        stacked["quality"] = {
+            name: torch.stack([sample["quality"][name] for sample in samples])
+            for name in index.quality_planes
+        }
     return {
         **stacked,
         "bridge": samples[0]["bridge"],

@@ -26,6 +26,22 @@ Transform = Callable[[Sample], Sample]
 _PLANES = ("image", "depth", "valid")
 
 
+def over_planes(
+    sample: Sample, change: Callable[[Tensor], Tensor], *, names: tuple[str, ...] = _PLANES
+) -> Sample:
+    """Return the planes of a sample, changed: those named, and all of ``quality`` where it is.
+
+    Args:
+        sample: as the datasets give it.
+        change: of (..., H, W) tensors.
+        names: of planes.
+    """
+    changed: Sample = {name: change(sample[name]) for name in names}
+    if "quality" in sample:
+        changed["quality"] = {name: change(plane) for name, plane in sample["quality"].items()}
+    return changed
+
+
 @dataclass(frozen=True, slots=True, init=False)
 class Compose:
     """Apply transforms one after another.
@@ -73,9 +89,9 @@ def crop(sample: Sample, *, left_px: int, top_px: int, width_px: int, height_px:
             where=_place(sample),
             fix="choose a window inside the image, or resize before cropping",
         )
-    cropped = {
-        name: sample[name][..., top_px:bottom_px, left_px:right_px].contiguous() for name in _PLANES
-    }
+    cropped = over_planes(
+        sample, lambda plane: plane[..., top_px:bottom_px, left_px:right_px].contiguous()
+    )
     K = sample["intrinsics"].clone()
     K[..., 0, 2] -= left_px
     K[..., 1, 2] -= top_px
@@ -83,7 +99,7 @@ def crop(sample: Sample, *, left_px: int, top_px: int, width_px: int, height_px:
 
 
 def resize(sample: Sample, *, width_px: int, height_px: int) -> Sample:
-    """Scale to a new size: the image is filtered, depth and valid take the nearest pixel.
+    """Scale to a new size: the image is filtered, other planes take the nearest pixel.
 
     Depth is never averaged: between a pier and the wall behind it there is no surface. Each new
     pixel takes the depth of the old pixel under its centre, so depth may lie up to half an old
@@ -114,13 +130,13 @@ def resize(sample: Sample, *, width_px: int, height_px: int) -> Sample:
     K[..., 1, 1] *= sy
     K[..., 0, 2] = (K[..., 0, 2] + 0.5) * sx - 0.5
     K[..., 1, 2] = (K[..., 1, 2] + 0.5) * sy - 0.5
-    return {
-        **sample,
-        "image": _filtered(sample["image"], width_px=width_px, height_px=height_px),
-        "depth": sample["depth"].index_select(-2, rows).index_select(-1, columns),
-        "valid": sample["valid"].index_select(-2, rows).index_select(-1, columns),
-        "intrinsics": K,
-    }
+    picked = over_planes(
+        sample,
+        lambda plane: plane.index_select(-2, rows).index_select(-1, columns),
+        names=("depth", "valid"),
+    )
+    image = _filtered(sample["image"], width_px=width_px, height_px=height_px)
+    return {**sample, **picked, "image": image, "intrinsics": K}
 
 
 def flip_horizontally(sample: Sample) -> Sample:
@@ -139,7 +155,7 @@ def flip_horizontally(sample: Sample) -> Sample:
     """
     K = sample["intrinsics"].clone()
     K[..., 0, 2] = sample["image"].shape[-1] - 1 - K[..., 0, 2]
-    flipped = {name: sample[name].flip(-1) for name in _PLANES}
+    flipped = over_planes(sample, lambda plane: plane.flip(-1))
     return {**sample, **flipped, "intrinsics": K, "mirrored": not sample.get("mirrored", False)}
 
 

@@ -8,14 +8,16 @@ a pier and the wall behind it there is no surface. Pixels that saw nothing are b
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import torch
 from torch import Tensor
 from torch.nn import functional
 
-from civil_rgbd.dataset.transforms import Sample, crop, resize
+from civil_rgbd.dataset.transforms import Sample, crop, over_planes, resize
 from civil_rgbd.errors import UsageError
+
+_DEPTH_ERRORS = ("sigma_m", "bias_m")
+"""Quality planes that scale with the depth."""
 
 
 def roll(sample: Sample, *, angle_deg: float) -> Sample:
@@ -141,7 +143,13 @@ def zoom(
     nearer = width / part[0]
     K[..., 0, 0] /= nearer
     K[..., 1, 1] /= height / part[1]
-    return {**enlarged, "intrinsics": K, "depth": enlarged["depth"] / nearer}
+    moved = {**enlarged, "intrinsics": K, "depth": enlarged["depth"] / nearer}
+    if "quality" in enlarged:  # what is in metres along the axis shrinks with the depth
+        moved["quality"] = {
+            name: plane / nearer if name in _DEPTH_ERRORS else plane
+            for name, plane in enlarged["quality"].items()
+        }
+    return moved
 
 
 def _single(intrinsics: Tensor) -> Tensor:
@@ -171,10 +179,12 @@ def _sampled(sample: Sample, image: Tensor | None, columns: Tensor, rows: Tensor
     u, v = torch.floor(columns + 0.5).long(), torch.floor(rows + 0.5).long()
     inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
     place = v.clamp(0, height - 1) * width + u.clamp(0, width - 1)
-    planes: dict[str, Any] = {}
-    for name in ("depth", "valid"):
-        values = sample[name].flatten(-2)[..., place.flatten()].unflatten(-1, place.shape)
-        planes[name] = torch.where(inside, values, torch.zeros((), dtype=values.dtype))
+
+    def seen(plane: Tensor) -> Tensor:
+        values = plane.flatten(-2)[..., place.flatten()].unflatten(-1, place.shape)
+        return torch.where(inside, values, torch.zeros((), dtype=values.dtype))
+
+    planes = over_planes(sample, seen, names=("depth", "valid"))
     if image is not None:
         planes["image"] = _grid(image, columns, rows)
     return {**sample, **planes}

@@ -121,6 +121,28 @@ class VisibilityStage:
 
 
 @dataclass(frozen=True, slots=True)
+class QualityStage:
+    """Which quality planes are stored beside the depth, and how the LiDAR errs.
+
+    Attributes:
+        planes: names of :data:`civil_rgbd.domain.frame.QUALITY_PLANES`.
+        range_noise_m: standard deviation of a short range to a surface that faces the beam.
+        weak_noise_share: of a range, what a weak signal adds to its deviation; the variance that it
+            adds grows with the square of the range, and is inverse to the cosine of the angle.
+        slant_noise_rad: on slanting surfaces the range errs by this times range times the tangent
+            of the angle between beam and normal as well: how far the echo's place wanders within
+            the beam's footprint.
+        pose_noise_m: standard deviation of where points of one window lie among each other.
+    """
+
+    planes: tuple[str, ...] = ("age_s", "bias_m", "empty", "returns", "sigma_m")
+    range_noise_m: float = 0.02
+    weak_noise_share: float = 0.0004
+    slant_noise_rad: float = 0.00035
+    pose_noise_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Recipe:
     """All of it. The defaults are the paper's: the recipe ``250k``.
 
@@ -136,3 +158,4 @@ class Recipe:
     image: ImageStage = field(default_factory=ImageStage)
     depth: DepthStage = field(default_factory=DepthStage)
     visibility: VisibilityStage | None = None
+    quality: QualityStage | None = None

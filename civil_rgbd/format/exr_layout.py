@@ -146,14 +146,18 @@ def depth_fault(layout: ExrLayout) -> str | None:
     names = [channel.name for channel in layout.channels]
     if names != ["Z"]:
         return f"it has channels {', '.join(names) or 'none'}; depth has one, Z"
-    channel, (height, width) = layout.channels[0], layout.size
-    window = layout.data_window
+    channel = layout.channels[0]
+    if channel.pixel_type != "float32":
+        return f"channel Z is {channel.pixel_type}; depth is float32"
+    if not channel.full_size:
+        return "channel Z is subsampled"
+    return window_fault(layout)
+
+
+def window_fault(layout: ExrLayout) -> str | None:
+    """Say in words why this is no lossless image from (0, 0) on; None when it is one."""
+    window, (height, width) = layout.data_window, layout.size
     faults = (
-        (
-            channel.pixel_type != "float32",
-            f"channel Z is {channel.pixel_type}; depth is float32",
-        ),
-        (not channel.full_size, "channel Z is subsampled"),
         (
             min(height, width) < 1 or height * width > _MAX_PIXELS,
             f"its data window {window} is {width} x {height} pixels",

@@ -123,6 +123,12 @@ def manifest_to_document(manifest: Manifest) -> Document:
     return document
 
 
+def quality_channels(manifest: Manifest) -> tuple[str, ...]:
+    """Return the names of a bridge's quality planes, in order; () for none."""
+    planes: Any = (manifest.quality or {}).get("planes", ())
+    return tuple(sorted(plane["channel"] for plane in planes))
+
+
 def _source_to(source: SourceFile) -> Document:
     document = dataclasses.asdict(source)
     if document["etag"] is None:

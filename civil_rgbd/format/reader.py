@@ -25,6 +25,7 @@ from civil_rgbd.format.intrinsics import read_intrinsics
 from civil_rgbd.format.layout import DEFECTS, FRAMES, INTRINSICS, MANIFEST, POSES
 from civil_rgbd.format.manifest import read_manifest
 from civil_rgbd.format.poses import FramePoses, read_poses
+from civil_rgbd.format.quality_exr import Planes, read_quality
 from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.storage.places import Place, place_of
 
@@ -75,6 +76,18 @@ class Bridge:
             FormatError: the file is missing, damaged, or of another size than the camera's.
         """
         return read_depth(self.folder / row.depth_path, size=self._size)
+
+    def read_quality(self, row: FrameRow) -> Planes | None:
+        """Read a frame's quality planes: (H, W) float16 each, by name; None where it has none.
+
+        The manifest's ``quality`` says what each holds, and in which unit.
+
+        Raises:
+            FormatError: the file is missing, damaged, or of another size than the camera's.
+        """
+        if row.quality_path is None:
+            return None
+        return read_quality(self.folder / row.quality_path, size=self._size)
 
     def read_defects(self) -> tuple[DefectRecord, ...]:
         """Read what is marked in the frames; () where nothing is.

@@ -18,9 +18,18 @@ from civil_rgbd.format.hashes import bytes_sha256, pixel_sha256
 from civil_rgbd.format.images import decode_image, encode_image
 from civil_rgbd.format.index import write_index
 from civil_rgbd.format.intrinsics import write_intrinsics
-from civil_rgbd.format.layout import FRAMES, INTRINSICS, MANIFEST, POSES, depth_path, rgb_path
+from civil_rgbd.format.layout import (
+    FRAMES,
+    INTRINSICS,
+    MANIFEST,
+    POSES,
+    depth_path,
+    quality_path,
+    rgb_path,
+)
 from civil_rgbd.format.manifest import write_manifest
 from civil_rgbd.format.poses import write_poses
+from civil_rgbd.format.quality_exr import quality_sha256, write_quality
 from civil_rgbd.format.remote_folders import keep_only, publish_objects
 from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.geometry.transforms import quaternion_from_matrix
@@ -43,7 +52,7 @@ def write_frame(folder: Place, frame: RgbdFrame, *, stage: ImageStage) -> FrameR
         the frame's row of ``frames.parquet``.
 
     Raises:
-        ValueError: the depth holds NaN, Inf, -0.0 or a negative value.
+        ValueError: the depth holds NaN, Inf, -0.0 or a negative value, or a quality plane does.
         OutputError: a file cannot be written.
     """
     rgb_to = rgb_path(frame.frame_id, stage.codec)
@@ -57,6 +66,7 @@ def write_frame(folder: Place, frame: RgbdFrame, *, stage: ImageStage) -> FrameR
     with whole_file(folder / rgb_to, sync=False) as scratch:
         scratch.write_bytes(rgb_data)
     depth_data = write_depth(folder / depth_to, frame.depth_m, sync=False)
+    quality_to, quality_hashes = _write_quality(folder, frame)
     # JPEG changes pixels: the hash is of what a reader will see. PNG and EXR do not.
     stored_rgb = decode_image(rgb_data, where=rgb_to) if stage.codec == "jpeg" else frame.rgb
     position, q = frame.T_map_camera[:3, 3], quaternion_from_matrix(frame.T_map_camera[:3, :3])
@@ -68,7 +78,7 @@ def write_frame(folder: Place, frame: RgbdFrame, *, stage: ImageStage) -> FrameR
         source_stamp_ns=int(frame.source_stamp_ns),
         rgb_path=rgb_to,
         depth_path=depth_to,
-        quality_path=None,
+        quality_path=quality_to,
         tx=float(position[0]),
         ty=float(position[1]),
         tz=float(position[2]),
@@ -83,9 +93,22 @@ def write_frame(folder: Place, frame: RgbdFrame, *, stage: ImageStage) -> FrameR
         rgb_pixel_sha256=pixel_sha256(stored_rgb),
         depth_file_sha256=bytes_sha256(depth_data),
         depth_pixel_sha256=pixel_sha256(frame.depth_m),
-        quality_file_sha256=None,
-        quality_pixel_sha256=None,
+        quality_file_sha256=quality_hashes[0],
+        quality_pixel_sha256=quality_hashes[1],
     )
+
+
+def _write_quality(
+    folder: Place, frame: RgbdFrame
+) -> tuple[str | None, tuple[str | None, str | None]]:
+    """Write a frame's quality planes, if it has any; return their path, file and pixel hash."""
+    if frame.quality is None:
+        return None, (None, None)
+    path = quality_path(frame.frame_id)
+    with writing(folder):
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+    data = write_quality(folder / path, frame.quality, sync=False)
+    return path, (bytes_sha256(data), quality_sha256(frame.quality))
 
 
 def depth_statistics(

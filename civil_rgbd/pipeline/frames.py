@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.constants import NO_DEPTH_M
+from civil_rgbd.constants import NO_DEPTH_M, NS_PER_S
 from civil_rgbd.domain.frame import RgbdFrame
 from civil_rgbd.domain.recipe import AccumulateStage, Recipe
 from civil_rgbd.domain.recording import Recording
@@ -18,8 +18,10 @@ from civil_rgbd.geometry.transforms import inverse
 from civil_rgbd.pipeline.accumulate import PointWindow, SlidingWindow
 from civil_rgbd.pipeline.image import ImageMaker, image_maker
 from civil_rgbd.pipeline.prepare import MappedScan, PointCounts, local_origin, map_scan
+from civil_rgbd.pipeline.quality import quality_planes
 from civil_rgbd.pipeline.render import render_depth
 from civil_rgbd.pipeline.visibility import closed_front, nearest_surface, remove_hidden
+from civil_rgbd.pipeline.winners import find_winners
 
 _KEPT_WINDOWS = 2  # how many windows' worth of mapped points are kept for windows to come
 
@@ -130,7 +132,7 @@ class FrameMaker:
         """
         rendered = render_depth(
             window.segments,
-            T_camera_local=self._from_local(T_map_camera),
+            T_camera_local=self.camera_from_local(T_map_camera),
             camera=self.images.camera,
             stage=self.recipe.depth,
         )
@@ -138,7 +140,8 @@ class FrameMaker:
             rendered.depth_m[~self.images.exists] = NO_DEPTH_M
         return rendered.depth_m, rendered.points_in_view
 
-    def _from_local(self, T_map_camera: NDArray[np.float64]) -> NDArray[np.float64]:
+    def camera_from_local(self, T_map_camera: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return ``T_camera_local`` (4, 4): from the frame of the windows' points to a camera."""
         T_local_camera = T_map_camera.copy()
         T_local_camera[:3, 3] -= self._origin_map
         return inverse(T_local_camera)
@@ -164,12 +167,47 @@ class FrameMaker:
         surface_m = nearest_surface(
             depth_m,
             around.beyond(window),
-            T_camera_local=self._from_local(T_map_camera),
+            T_camera_local=self.camera_from_local(T_map_camera),
             camera=self.images.camera,
             limits=self.recipe.depth,
         )
         front_m = closed_front(surface_m, stage=self.recipe.visibility)
         return remove_hidden(depth_m, front_m, stage=self.recipe.visibility)
+
+    def quality(
+        self,
+        plan: PlannedFrame,
+        window: PointWindow,
+        depth_m: NDArray[np.float32],
+        before_m: NDArray[np.float32],
+    ) -> Mapping[str, NDArray[np.float16]] | None:
+        """Return the quality planes of a frame; None where the recipe asks for none.
+
+        Args:
+            plan: the frame.
+            window: which was rendered.
+            depth_m: (H, W) float32 metres, as it is stored.
+            before_m: (H, W) float32 metres, before hidden pixels were removed.
+        """
+        if self.recipe.quality is None:
+            return None
+        winners = find_winners(
+            window,
+            T_camera_local=self.camera_from_local(plan.T_map_camera),
+            camera=self.images.camera,
+            limits=self.recipe.depth,
+        )
+        stamps_ns = np.concatenate([*window.stamps_ns, np.empty(0, dtype=np.int64)])
+        return quality_planes(
+            depth_m,
+            winners,
+            ages_s=(plan.stamp_ns - stamps_ns) / NS_PER_S,
+            before_m=before_m,
+            exists=self.images.exists,
+            camera=self.images.camera,
+            depth=self.recipe.depth,
+            stage=self.recipe.quality,
+        )
 
     def _make_one(
         self, plan: PlannedFrame, window: PointWindow, around: PointWindow | None
@@ -182,8 +220,9 @@ class FrameMaker:
         except ImageDecodeError:
             return _outcome(plan, window, dropped="image-undecodable")
         depth_m, in_view = self.render(plan.T_map_camera, window)
-        removed = 0
+        before_m, removed = depth_m, 0
         if around is not None:
+            before_m = depth_m.copy()
             removed = self.remove_hidden(depth_m, plan.T_map_camera, window=window, around=around)
         frame = RgbdFrame(
             source_index=plan.source_index,
@@ -193,6 +232,7 @@ class FrameMaker:
             depth_m=depth_m,
             camera=self.images.camera,
             T_map_camera=plan.T_map_camera,
+            quality=self.quality(plan, window, depth_m, before_m),
         )
         made = _outcome(plan, window, frame=frame, points_in_view=in_view)
         return replace(made, pixels_removed=removed)

@@ -79,13 +79,7 @@ def draw_nearest(
     Returns:
         how many points fell into the image and the depth range.
     """
-    # Intrinsics folded into the transform: rows give u Z, v Z and Z.
-    R, t = T_camera_local[:3, :3], T_camera_local[:3, 3]
-    rows = np.empty((3, 4))
-    for row, (f, c) in enumerate(((camera.fx_px, camera.cx_px), (camera.fy_px, camera.cy_px))):
-        rows[row, :3], rows[row, 3] = f * R[row] + c * R[2], f * t[row] + c * t[2]
-    rows[2, :3], rows[2, 3] = R[2], t[2]
-    in_view = 0
+    rows, in_view = projection_rows(T_camera_local, camera), 0
     for points_local in segments:
         in_view += _scatter_nearest(
             *points_local,
@@ -96,6 +90,18 @@ def draw_nearest(
             nearest,
         )
     return in_view
+
+
+def projection_rows(
+    T_camera_local: NDArray[np.float64], camera: PinholeCamera
+) -> NDArray[np.float64]:
+    """Fold a pinhole's intrinsics into a transform: (3, 4) rows that give u Z, v Z and Z."""
+    R, t = T_camera_local[:3, :3], T_camera_local[:3, 3]
+    rows = np.empty((3, 4))
+    for row, (f, c) in enumerate(((camera.fx_px, camera.cx_px), (camera.fy_px, camera.cy_px))):
+        rows[row, :3], rows[row, 3] = f * R[row] + c * R[2], f * t[row] + c * t[2]
+    rows[2, :3], rows[2, 3] = R[2], t[2]
+    return rows
 
 
 # No fastmath and no parallel sums: every processor must compute the same bits. Arithmetic is

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from civil_rgbd.domain.frame import FrameRow
 from civil_rgbd.errors import FormatError
-from civil_rgbd.format.depth_exr import decode_depth, read_bytes
-from civil_rgbd.format.hashes import bytes_sha256, pixel_sha256
+from civil_rgbd.format.depth_exr import decode_depth, read_bytes, read_depth
+from civil_rgbd.format.hashes import bytes_sha256, float_fault, pixel_sha256
 from civil_rgbd.format.images import decode_image
+from civil_rgbd.format.manifest import quality_channels
+from civil_rgbd.format.quality_exr import Planes, decode_quality, quality_sha256
 from civil_rgbd.format.writer import depth_statistics
 from civil_rgbd.storage.places import Place
 from civil_rgbd.validation.documents import BridgeDocuments, recipe_value
@@ -30,12 +32,14 @@ class FrameRules:
         min_m: smallest depth; None for an imported bridge.
         max_m: largest depth; None for an imported bridge.
         step_m: depths are multiples of this; None or 0 for any.
+        quality: names of the quality planes; () for none, None when the manifest is unreadable.
     """
 
     size: tuple[int, int] | None
     min_m: float | None
     max_m: float | None
     step_m: float | None
+    quality: tuple[str, ...] | None
 
 
 def frame_rules(read: BridgeDocuments) -> FrameRules:
@@ -46,6 +50,7 @@ def frame_rules(read: BridgeDocuments) -> FrameRules:
         min_m=recipe_value(read.manifest, "depth", "min_m"),
         max_m=recipe_value(read.manifest, "depth", "max_m"),
         step_m=recipe_value(read.manifest, "depth", "step_m"),
+        quality=None if read.manifest is None else quality_channels(read.manifest),
     )
 
 
@@ -63,7 +68,12 @@ def check_frame(folder: Place, row: FrameRow, rules: FrameRules, bridge: str) ->
         row.depth_path: _depth_faults(folder / row.depth_path, row, rules),
     }
     if row.quality_path is not None:
-        faults[row.quality_path] = _quality_faults(folder / row.quality_path, row)
+        faults[row.quality_path] = _quality_faults(
+            folder / row.quality_path, row, folder / row.depth_path, rules
+        )
+    elif rules.quality:
+        message = f"no quality planes, the manifest has {', '.join(rules.quality)}"
+        yield Finding("quality-planes", message, row.depth_path, bridge)
     for path, some in faults.items():
         if _is_inside(folder, path):
             for code, message in some:
@@ -159,6 +169,46 @@ def _value_faults(depth_m: NDArray[np.float32], rules: FrameRules) -> Iterator[_
         )
 
 
-def _quality_faults(path: Place, row: FrameRow) -> Iterator[_Fault]:
-    if row.quality_file_sha256 is not None:
-        yield from _hash_faults(read_bytes(path), row.quality_file_sha256)
+def _quality_faults(
+    path: Place, row: FrameRow, depth_path: Place, rules: FrameRules
+) -> Iterator[_Fault]:
+    try:
+        data = read_bytes(path)
+        yield from _hash_faults(data, row.quality_file_sha256 or "")
+        planes = decode_quality(path, data)
+    except FormatError as error:
+        yield "quality-unreadable", error.what
+        return
+    if rules.quality is not None and set(planes) != set(rules.quality):
+        words = ", ".join(rules.quality) or "none"
+        yield "quality-planes", f"planes are {', '.join(planes)}, the manifest has {words}"
+    yield from _size_faults("quality-size", next(iter(planes.values())), rules)
+    odd = [name for name, plane in planes.items() if float_fault(plane)]
+    if odd:
+        yield "quality-values", f"NaN, Inf or -0.0 in {', '.join(odd)}"
+        return
+    yield from _contradictions(planes, depth_path)
+    digest = quality_sha256(planes)
+    if digest != row.quality_pixel_sha256:
+        message = f"pixel hash is {digest}, the index has {row.quality_pixel_sha256}"
+        yield "quality-pixel-hash", message
+
+
+def _contradictions(planes: Planes, depth_path: Place) -> Iterator[_Fault]:
+    """Do the planes and the depth speak of the same pixels?"""
+    try:
+        depth_m = read_depth(depth_path)
+    except FormatError:
+        return  # said already
+    if any(plane.shape != depth_m.shape for plane in planes.values()):
+        return  # said already
+    measured = depth_m > 0
+    wrong = {
+        "sigma_m": lambda plane: (plane > 0) != measured,
+        "empty": lambda plane: (plane == 0) != measured,
+        "returns": lambda plane: (plane < 1) & measured,
+    }
+    for name, test in wrong.items():
+        count = int(np.count_nonzero(test(planes[name]))) if name in planes else 0
+        if count:
+            yield "quality-values", f"{name} contradicts the depth in {count} pixels"

@@ -98,6 +98,11 @@ CODES: Final = {
     "quaternion-norm": ("error", "scale the quaternion to norm 1"),
     "quaternion-sign": ("error", "turn the signs of all four components round"),
     "recipe-hash": ("error", "the parameters are not those that the hash was taken of"),
+    "quality-pixel-hash": ("error", "the pixels are not those that were built: " + _REBUILD),
+    "quality-planes": ("error", _REBUILD),
+    "quality-size": ("error", _REBUILD),
+    "quality-unreadable": ("error", _REBUILD),
+    "quality-values": ("error", _REBUILD),
     "rgb-decoder": (
         "warning",
         "the file is as built; your JPEG decoder gives other pixels than the builder's",

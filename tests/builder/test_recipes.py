@@ -17,7 +17,7 @@ from civil_rgbd.builder.recipes import (
     recipe_parameters,
     recipe_sha256,
 )
-from civil_rgbd.domain.recipe import Recipe, VisibilityStage
+from civil_rgbd.domain.recipe import QualityStage, Recipe, VisibilityStage
 from civil_rgbd.errors import RecipeError
 from civil_rgbd.resources import load_schema, recipe_texts
 
@@ -28,9 +28,9 @@ STAGES: dict[str, Any] = {
     if properties["type"] == "object"
 }
 
-ON_REQUEST = {"visibility"}
+ON_REQUEST = {"visibility", "quality"}
 """Stages that a recipe without their table does not have."""
-EVERYTHING = Recipe("any", visibility=VisibilityStage())
+EVERYTHING = Recipe("any", visibility=VisibilityStage(), quality=QualityStage())
 
 
 def written(tmp_path: Path, text: str, name: str = "mine.toml") -> str:
@@ -109,7 +109,10 @@ def test_the_other_recipes_differ_from_250k_in_what_their_names_say() -> None:
 
 def test_the_schemas_defaults_are_the_dataclasses() -> None:
     defaults = {
-        stage: {key: entry["default"] for key, entry in STAGES[stage]["properties"].items()}
+        stage: {
+            key: tuple(entry["default"]) if entry["type"] == "array" else entry["default"]
+            for key, entry in STAGES[stage]["properties"].items()
+        }
         for stage in STAGES
     }
 
@@ -119,7 +122,7 @@ def test_the_schemas_defaults_are_the_dataclasses() -> None:
 
 
 def test_every_type_of_the_schema_is_that_of_the_dataclass() -> None:
-    kinds = {"number": float, "integer": int, "boolean": bool}
+    kinds = {"number": float, "integer": int, "boolean": bool, "array": tuple}
     for stage, values in recipe_parameters(EVERYTHING).items():
         for key, value in values.items():
             entry = STAGES[stage]["properties"][key]
@@ -300,7 +303,8 @@ def test_every_key_changes_the_hash() -> None:
     hashes = {recipe_sha256(recipe)}
     for stage, values in recipe_parameters(recipe).items():
         for key, value in values.items():
-            changed = other[value] if isinstance(value, str) else not value
+            changed: Any = other[value] if isinstance(value, str) else not value
+            changed = value[1:] if isinstance(value, tuple) else changed
             part = replace(getattr(recipe, stage), **{key: changed})
             hashes.add(recipe_sha256(replace(recipe, **{stage: part})))
 

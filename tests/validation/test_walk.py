@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from civil_rgbd.domain.frame import FrameRow
 from civil_rgbd.errors import FormatError
 from civil_rgbd.format.depth_exr import read_depth
-from civil_rgbd.format.hashes import document_sha256, file_sha256, pixel_sha256
+from civil_rgbd.format.hashes import bytes_sha256, document_sha256, file_sha256, pixel_sha256
 from civil_rgbd.format.images import encode_image, read_image
 from civil_rgbd.format.index import read_index, write_index
+from civil_rgbd.format.quality_exr import quality_sha256, write_quality
 from civil_rgbd.format.writer import depth_statistics
 from civil_rgbd.validation import Finding, Report, validate
 from civil_rgbd.validation.report import CODES
@@ -124,6 +125,62 @@ def swap_frames(rows: list[FrameRow]) -> list[FrameRow]:
         dataclasses.replace(two, stamp_ns=one.stamp_ns, source_stamp_ns=one.source_stamp_ns),
         dataclasses.replace(one, stamp_ns=two.stamp_ns, source_stamp_ns=two.source_stamp_ns),
     ]
+
+
+def quality(
+    change: Callable[[dict[str, Any]], object] = dict, *, hide: bool = True, then: Damage = repr
+) -> Damage:
+    """Give all frames quality planes, change those of the second, and do further damage.
+
+    Args:
+        change: of the second frame's planes.
+        hide: mend the hash of the pixels in the index.
+        then: what happens at last.
+    """
+
+    def damage(dataset: Path) -> None:
+        folder, rows = bridge_of(dataset), []
+        (folder / "quality").mkdir()
+        for number, row in enumerate(read_index(folder / "frames.parquet")):
+            measured = read_depth(folder / row.depth_path) > 0
+            planes = {
+                "empty": (~measured).astype(np.float16),
+                "returns": measured.astype(np.float16),
+                "sigma_m": (measured * 0.25).astype(np.float16),
+            }
+            digest, path = quality_sha256(planes), f"quality/{row.frame_id}.exr"
+            if number == 1:
+                change(planes)
+                digest = quality_sha256(planes) if hide else digest
+            written = write_quality(folder / path, planes)
+            rows.append(
+                dataclasses.replace(
+                    row,
+                    quality_path=path,
+                    quality_file_sha256=bytes_sha256(written),
+                    quality_pixel_sha256=digest,
+                )
+            )
+        write_index(folder / "frames.parquet", rows)
+        entry = {"unit": "1", "description": "of a test"}
+        planes_said = [{"channel": name, **entry} for name in ("empty", "returns", "sigma_m")]
+        in_manifest(lambda d: d.update(quality={"planes": planes_said}))(dataset)
+        then(dataset)
+
+    return damage
+
+
+def plane(name: str, value: float) -> Callable[[dict[str, Any]], object]:
+    """Put one value into the first pixel of a plane."""
+
+    def change(planes: dict[str, Any]) -> None:
+        planes[name][0, 0] = value
+
+    return change
+
+
+def smaller(planes: dict[str, Any]) -> None:
+    planes.update({name: values[:-1].copy() for name, values in planes.items()})
 
 
 def depth(change: Callable[[NDArray[np.float32]], object], *, hide: bool = True) -> Damage:
@@ -299,6 +356,22 @@ DAMAGES: list[tuple[set[str], Damage]] = [
         in_poses(lambda f: f["T_map_camera"].update(quaternion_xyzw=[0.6, 0, 0, -0.8])),
     ),
     ({"recipe-hash"}, in_manifest(lambda d: d["recipe"].update(sha256="0" * 64))),
+    ({"quality-pixel-hash"}, quality(plane("returns", 5.0), hide=False)),
+    ({"quality-planes"}, quality(lambda planes: planes.pop("returns"))),
+    ({"quality-planes"}, quality(then=in_manifest(lambda d: d.update(quality=None)))),
+    (
+        {"quality-planes", "file-unknown"},
+        quality(
+            then=in_row(quality_path=None, quality_file_sha256=None, quality_pixel_sha256=None)
+        ),
+    ),
+    ({"quality-size"}, quality(smaller)),
+    ({"quality-unreadable", "file-hash"}, quality(then=cut("quality/000007.exr"))),
+    ({"file-missing"}, quality(then=remove("quality/000012.exr"))),
+    ({"file-hash"}, quality(then=in_row(quality_file_sha256="0" * 64))),
+    ({"quality-values"}, quality(lambda planes: planes["empty"].fill(2.0))),
+    ({"quality-values"}, quality(lambda planes: planes["returns"].fill(0.0))),
+    ({"quality-values"}, quality(lambda planes: planes["sigma_m"].fill(0.0))),
     ({"rgb-decoder"}, in_row(rgb_pixel_sha256="0" * 64)),
     (
         {"rgb-pixel-hash", "file-hash"},
@@ -351,6 +424,12 @@ def test_each_damage_gives_its_own_finding(
     for finding in report.findings:
         assert finding.fix
         assert finding.message
+
+
+def test_quality_planes_that_fit_their_depth_are_valid(golden_copy: Path) -> None:
+    quality()(golden_copy)
+
+    assert validate(golden_copy).findings == ()
 
 
 def test_every_code_has_a_damage_that_gives_it() -> None:
