@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -158,7 +158,11 @@ def open_recording(
     Raises:
         UsageError: the bridge or a setting is unknown, a value or an option does not fit.
     """
-    if options is not None and asdict(options) != asdict(RecordingOptions()):
+    # Whether to hash files says nothing of the recording; here there are none.
+    plain = options is None or asdict(replace(options, source_hash=True)) == asdict(
+        RecordingOptions()
+    )
+    if not plain:
         raise UsageError(
             "a simulated recording has no topics, rig file or damage to choose options for",
             where=location,
