@@ -51,12 +51,14 @@ def coverage_figures(recording: Recording, recipe: Recipe) -> Iterator[Figure]:
         yield Figure("frames", float(len(kept)), f"of {len(stamps_ns)} images")
         yield Figure("coverage", None, error.what)
         return
-    said = f"of {len(stamps_ns)} images with {recipe.name}; those before the points suffice fall"
-    yield Figure("frames", float(len(kept)) if shares else 0.0, said)
     if not shares:
-        why = f"fewer than {wanted:,.0f} points lie before each of {short} images"
+        why = f"fewer than {wanted:,.0f} points lie around each of {short} images"
+        fix = "scan for longer, or take a recipe of fewer points"
+        yield Figure("frames", 0.0, f"with {recipe.name}: {why}", fix=fix)
         yield Figure("coverage", None, why)
         return
+    said = f"of {len(stamps_ns)} images with {recipe.name}, less the first while points are few"
+    yield Figure("frames", float(len(kept)), said)
     said = f"{recipe.name}; {min(shares):.0f} to {max(shares):.0f} % in {len(shares)} images"
     yield Figure("coverage", float(np.mean(shares)), said)
 

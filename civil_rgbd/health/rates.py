@@ -60,7 +60,7 @@ def drift_figure(summary: RecordingSummary | None, chosen: dict[str, TopicSummar
     """
     lidar = chosen.get("lidar")
     if summary is None or lidar is None or lidar.lateness_drift_ns is None:
-        return Figure("clock-drift", None, "there are no log times to compare stamps with")
+        return Figure("clock-drift", None, "too few log times to compare stamps with")
     worst: tuple[float, float, str] | None = None
     for role, name in _NAMES.items():
         topic = chosen.get(role)

@@ -1,0 +1,115 @@
+"""Rates, lost messages, silences and clocks, from stamps alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from civil_rgbd.domain.inspection import RecordingSummary, TopicSummary, lateness_drift
+from civil_rgbd.health.checks import Figure
+from civil_rgbd.health.rates import drift_figure, rate_figures
+
+TENTH_NS = 100_000_000
+
+
+def _figures(role: str, stamps_ns: np.ndarray) -> dict[str, Figure]:
+    return {figure.code: figure for figure in rate_figures(role, stamps_ns)}
+
+
+def test_a_steady_sensor_has_its_rate_and_loses_nothing() -> None:
+    found = _figures("lidar", np.arange(100) * TENTH_NS)
+
+    assert found["lidar-rate"].value == pytest.approx(10.0)
+    assert found["scans-dropped"].value == 0.0
+    assert not any(figure.found for figure in found.values())
+
+
+def test_lost_scans_are_counted_by_the_room_they_leave() -> None:
+    stamps = np.delete(np.arange(100) * TENTH_NS, [10, 30, 31, 50])
+
+    found = _figures("lidar", stamps)
+
+    assert found["scans-dropped"].value == pytest.approx(4.0)
+    assert found["scans-dropped"].found
+    assert found["lidar-gap"].value == pytest.approx(0.3)
+    assert not found["lidar-gap"].found
+
+
+def test_the_longest_silence_is_found_and_placed() -> None:
+    stamps = np.arange(100) * TENTH_NS
+    stamps[60:] += 5 * TENTH_NS
+
+    figure = _figures("lidar", stamps)["lidar-gap"]
+
+    assert figure.value == pytest.approx(0.6)
+    assert figure.found
+    assert figure.detail == "5.9 s after the first"
+
+
+def test_jitter_and_disorder_of_stamps_lose_nothing() -> None:
+    rng = np.random.default_rng(1)
+    stamps = np.arange(300) * TENTH_NS // 3 + rng.integers(-9_000_000, 9_000_000, 300)
+
+    found = _figures("image", rng.permutation(stamps))
+
+    assert found["images-dropped"].value == 0.0
+
+
+def test_a_slow_camera_is_found() -> None:
+    assert _figures("image", np.arange(20) * 7 * TENTH_NS)["image-rate"].found
+
+
+def test_two_messages_show_no_rate() -> None:
+    figure = _figures("imu", np.arange(2))["imu-rate"]
+
+    assert figure.value is None
+    assert figure.detail == "only 2 messages"
+    assert figure.state == "not observable"
+
+
+def test_a_clock_that_lags_is_seen_through_messages_that_wait() -> None:
+    rng = np.random.default_rng(2)
+    stamps = np.arange(600) * TENTH_NS
+    logged = stamps + rng.exponential(5e6, 600).astype(np.int64) + stamps // 2000  # 0.5 ms/s
+
+    drift = lateness_drift(logged, stamps)
+
+    assert drift is not None
+    assert drift[0] == pytest.approx(30e6, abs=1.5e6)
+    assert drift[1] < 1.5e6
+
+
+def test_few_messages_tell_nothing_of_a_clock() -> None:
+    assert lateness_drift(np.arange(40), np.arange(40)) is None
+
+
+def _topics(lidar: int, image: int, doubt: int = 0) -> dict[str, TopicSummary]:
+    return {
+        role: TopicSummary(role, "", role, messages=9, lateness_drift_ns=(drift, doubt))
+        for role, drift in (("lidar", lidar), ("image", image))
+    }
+
+
+SUMMARY = RecordingSummary("a", "mcap", 0, 0, None, ())
+
+
+def test_clocks_are_compared_with_each_other_not_with_the_recorders() -> None:
+    alike = drift_figure(SUMMARY, _topics(40_000_000, 41_000_000))
+    apart = drift_figure(SUMMARY, _topics(40_000_000, 15_000_000))
+
+    assert alike.value == pytest.approx(1.0)
+    assert not alike.found
+    assert apart.value == pytest.approx(25.0)
+    assert apart.found
+    assert "the camera's clock runs ahead" in apart.detail
+
+
+def test_uneven_logging_hides_a_drift_and_says_so() -> None:
+    figure = drift_figure(SUMMARY, _topics(0, 30_000_000, doubt=5_000_000))
+
+    assert figure.value is None
+    assert "+- 7 ms" in figure.detail
+
+
+def test_without_log_times_nothing_is_said_of_clocks() -> None:
+    assert drift_figure(None, {}).value is None

@@ -1,0 +1,122 @@
+"""The time offset, of a walk whose stamps are shifted, and of one that does not turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from civil_rgbd.converters import open_recording
+from civil_rgbd.domain.recording import Recording
+from civil_rgbd.domain.rig import Rig
+from civil_rgbd.geometry.trajectory import Trajectory
+from civil_rgbd.health.sampling import Stretch, Viewer, small_grey, stretches_of, viewer_of
+from civil_rgbd.health.tracks import tracks_of
+from civil_rgbd.health.turning import rotation_vector, time_offset
+
+
+@dataclass(frozen=True, eq=False)
+class Changed:
+    """A recording that says something else of its rig or poses."""
+
+    inner: Recording
+    rig: Rig
+    trajectory: Trajectory
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.inner, name)
+
+
+@pytest.fixture(scope="module")
+def walk(turning_walk: Path) -> tuple[Recording, tuple[Stretch, ...], Viewer]:
+    """The walk, its stretches, and what looks at its images."""
+    recording = open_recording(turning_walk)
+    return recording, tuple(stretches_of(recording)), viewer_of(recording.rig.camera)
+
+
+@pytest.mark.parametrize("offset_s", [0.0, 0.03, -0.1, 0.1])
+def test_the_shift_of_stamps_is_found_with_its_sign(
+    walk: tuple[Recording, tuple[Stretch, ...], Viewer], offset_s: float
+) -> None:
+    recording, stretches, viewer = walk
+    rig = replace(recording.rig, camera_time_offset_s=-offset_s)
+    early = Changed(recording, rig, recording.trajectory)
+
+    found = time_offset(early, tracks_of(early, stretches, viewer))
+
+    assert found.offset_s == pytest.approx(offset_s, abs=0.005)
+    assert found.sigma_s < 0.004
+
+
+def test_without_turning_there_is_no_number_but_a_reason(
+    walk: tuple[Recording, tuple[Stretch, ...], Viewer],
+) -> None:
+    recording, stretches, viewer = walk
+    poses = recording.trajectory
+    upright = np.tile([0.0, 0.0, 0.0, 1.0], (len(poses.stamps_ns), 1))
+    still = Trajectory(poses.stamps_ns, poses.translations_m, upright)
+    changed = Changed(recording, recording.rig, still)
+
+    found = time_offset(changed, tracks_of(changed, stretches, viewer))
+
+    assert found.offset_s is None
+    assert "0.00 rad/s RMS; 0.2 with changing sign are needed" in found.why_not
+
+
+def test_turning_one_way_only_is_not_enough(
+    walk: tuple[Recording, tuple[Stretch, ...], Viewer],
+) -> None:
+    recording, stretches, viewer = walk
+    poses = recording.trajectory
+    half = 0.4 * (poses.stamps_ns - poses.start_ns) / 2e9
+    zero = np.zeros(len(half))
+    turns = np.stack([zero, zero, np.sin(half), np.cos(half)], axis=1)
+    one_way = Changed(
+        recording, recording.rig, Trajectory(poses.stamps_ns, poses.translations_m, turns)
+    )
+
+    found = time_offset(one_way, tracks_of(one_way, stretches, viewer))
+
+    assert found.offset_s is None
+    assert found.why_not == "the sensors turn one way only; a turn with changing sign is needed"
+
+
+def test_poses_of_another_walk_give_no_number(
+    walk: tuple[Recording, tuple[Stretch, ...], Viewer],
+) -> None:
+    recording, stretches, viewer = walk
+    poses = recording.trajectory
+    other = Trajectory(
+        poses.stamps_ns, poses.translations_m[::-1].copy(), poses.quaternions_xyzw[::-1].copy()
+    )
+    changed = Changed(recording, recording.rig, other)
+
+    found = time_offset(changed, tracks_of(changed, stretches, viewer))
+
+    assert found.offset_s is None
+    assert found.why_not
+
+
+def test_rotation_vectors_are_axis_times_angle() -> None:
+    angle = 0.7
+    R = np.array([
+        [1.0, 0, 0],
+        [0, np.cos(angle), -np.sin(angle)],
+        [0, np.sin(angle), np.cos(angle)],
+    ])  # fmt: skip
+
+    assert np.allclose(rotation_vector(R), [angle, 0, 0])
+    assert np.allclose(rotation_vector(np.eye(3)), 0)
+
+
+def test_small_images_are_whole_ones_shrunk(turning_walk: Path) -> None:
+    recording = open_recording(turning_walk)
+    whole = recording.read_image(3).rgb.mean(axis=2)
+
+    small = small_grey(recording, 3, 2)
+
+    assert small is not None
+    assert small.shape == (-(-whole.shape[0] // 2), -(-whole.shape[1] // 2))
+    assert abs(float(small.mean()) - float(whole.mean())) < 4
