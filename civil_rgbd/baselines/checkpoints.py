@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import os
 import pickle
+import struct
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,6 +30,16 @@ _PREFIXES: Final = ("module.", "_orig_mod.", "network.")
 """What wrappers (DataParallel, torch.compile, ours) put before every name."""
 
 _SHOWN: Final = 6
+
+_OPTION_LETTERS: Final = 60
+
+UNREADABLE: Final = (
+    *(RuntimeError, EOFError, BadZipFile, pickle.UnpicklingError, ValueError),
+    *(LookupError, TypeError, AttributeError, AssertionError, OverflowError, struct.error),
+    ImportError,
+)
+"""All that ``torch.load`` is seen to raise at files that are none of its own: a page of HTML makes
+it a KeyError, other text an IndexError or AttributeError."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +111,29 @@ def read_model_file(path: Path) -> SavedModel:
             where=path,
             fix="update civil-rgbd",
         )
+    kinds = {"name": str, "options": Mapping, "weights": Mapping}
+    wanting = [key for key, kind in kinds.items() if not isinstance(document.get(key), kind)]
+    if wanting:
+        raise FormatError(
+            f"the model file lacks {', '.join(wanting)}",
+            where=path,
+            fix="copy it again, or train the run again with --overwrite",
+        )
     return SavedModel(document["name"], document["options"], document["weights"])
+
+
+def damage_of(error: BaseException) -> str:
+    """Say in one line what is wrong with a file, from what its reader raised.
+
+    >>> damage_of(KeyError(101)), damage_of(EOFError())
+    ('KeyError: 101', 'EOFError')
+    """
+    said = str(error).strip()
+    name = type(error).__name__
+    if not said:
+        return name
+    line = said.splitlines()[0][:200]
+    return f"{name}: {line}" if isinstance(error, LookupError) else line
 
 
 def load_weights(model: TorchDepthModel, path: Path) -> None:
@@ -161,12 +194,17 @@ def load_into(model: TorchDepthModel, weights: Mapping[str, Tensor], *, where: o
             f"the weights are not those of {model.name} with these options: " + differing,
             where=where,
             fix="make the model with the options that it was trained with; it has "
-            + ", ".join(f"{key}={value!r}" for key, value in model.options.items()),
+            + ", ".join(f"{key}={_shortened(value)}" for key, value in model.options.items()),
         )
     model.network.load_state_dict(
         {key: weights.get(key, value) for key, value in own.items()}, strict=True
     )
     model.is_trained = True
+
+
+def _shortened(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= _OPTION_LETTERS else f"{text[:_OPTION_LETTERS]}..."
 
 
 def differences(own: Mapping[str, Tensor], given: Mapping[str, Tensor]) -> str:
@@ -206,10 +244,9 @@ def read_tensors(path: Path) -> Mapping[str, Any]:
         with warnings.catch_warnings(), torch.serialization.safe_globals(_numpy_data()):
             warnings.simplefilter("ignore")  # of pickle's version: it loads, or it is refused below
             document = torch.load(path, map_location="cpu", weights_only=True)
-    except (RuntimeError, EOFError, BadZipFile, pickle.UnpicklingError, ValueError) as error:
-        damage = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+    except UNREADABLE as error:
         raise FormatError(
-            f"the file cannot be read as tensors: {damage}",
+            f"the file cannot be read as tensors: {damage_of(error)}",
             where=path,
             fix="copy or download it again, it may be cut off; if it holds more than tensors, "
             "numbers and words, save its state_dict alone with the program that wrote it",

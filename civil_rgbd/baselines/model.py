@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from traceback import extract_tb
 from types import ModuleType
 from typing import TYPE_CHECKING, Final, Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.errors import FormatError, MissingExtraError, UsageError
+from civil_rgbd.errors import CivilRgbdError, FormatError, MissingExtraError, UsageError
 from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.resources import nearest
 
@@ -25,6 +27,11 @@ ENTRY_POINT_GROUP: Final = "civil_rgbd.models"
 A class will do. ``load_model("name")`` calls it without arguments, ``load_model("name:what")`` with
 ``"what"``, and keyword options are handed on.
 """
+
+_FILE_MODULES: Final = "civil_rgbd_model_file_"
+"""Begins the name of the module that a user's file becomes."""
+
+_OURS: Final = "civil_rgbd."
 
 MODEL_FILE: Final = "model.pt"
 """The file in a run folder that holds a trained model: its name, its options, its weights."""
@@ -128,18 +135,34 @@ def predict_frame(
 
     Raises:
         FormatError: the answer has another shape, or is no number.
+        UsageError: a model that is not ours fails.
     """
-    if isinstance(model, DepthModel):
-        depth_m = np.asarray(model.predict(rgb, camera))
-    else:
-        depth_m = np.asarray(model.depth_of(bridge, frame, camera))
+    where = f"{type(model).__name__}, bridge {bridge}, frame {frame}"
+    try:
+        if isinstance(model, DepthModel):
+            depth_m = np.asarray(model.predict(rgb, camera))
+        else:
+            depth_m = np.asarray(model.depth_of(bridge, frame, camera))
+    except Exception as error:
+        if isinstance(error, CivilRgbdError) or type(model).__module__.startswith(_OURS):
+            raise
+        raise _fault_of_model(error, where=where) from error
     if depth_m.shape != rgb.shape[:2] or depth_m.dtype.kind not in "fiu":
         raise FormatError(
             f"the model answers {depth_m.dtype} {depth_m.shape} to an image of {rgb.shape[:2]}",
-            where=f"{type(model).__name__}, bridge {bridge}, frame {frame}",
+            where=where,
             fix="return (H, W) metres of the image's own size, as numbers",
         )
     return depth_m.astype(np.float32, copy=False)
+
+
+def _fault_of_model(error: Exception, *, where: str) -> UsageError:
+    place = extract_tb(error.__traceback__)[-1]
+    return UsageError(
+        f"the model fails: {type(error).__name__}: {error}",
+        where=where,
+        fix=f"mend the model; it was at {place.filename}:{place.lineno}",
+    )
 
 
 def _factories() -> dict[str, EntryPoint]:
@@ -189,14 +212,21 @@ def _attribute_of(file: Path, attribute: str) -> ModelFactory:
 
     if not file.is_file():
         raise UsageError("there is no such file", where=file, fix="check the path")
-    spec = spec_from_file_location(file.stem, file)
+    # A name of its own: a file called numpy.py must not stand in for the package.
+    spec = spec_from_file_location(f"{_FILE_MODULES}{file.stem}", file)
     if spec is None or spec.loader is None:
         raise UsageError("the file is no Python module", where=file, fix="give a .py file")
     module = module_from_spec(spec)
+    sys.modules[module.__name__] = module  # dataclasses and pickle look for it there
+    folder = str(file.resolve().parent)
+    if folder not in sys.path:
+        sys.path.append(folder)  # it may import what lies beside it, now or when it predicts
     try:
         spec.loader.exec_module(module)
     except ModuleNotFoundError as error:
         raise _missing(error, where=file) from error
+    except Exception as error:
+        raise _fault_of_model(error, where=str(file)) from error
     if not callable(getattr(module, attribute, None)):
         raise UsageError(
             f"the file defines no class or function {attribute!r}",

@@ -27,8 +27,7 @@ class StoredPredictions:
     """A :class:`~civil_rgbd.baselines.model.StoredDepth`: one file a frame, made by any program.
 
     A frame is looked for as ``BRIDGE/FRAME``, ``BRIDGE/depth/FRAME``, ``BRIDGE_FRAME`` and
-    ``FRAME``, each ``.exr`` first, then ``.png``. Pixels that are 0, negative, NaN or Inf have no
-    answer.
+    ``FRAME``, each ``.exr`` first, then ``.png``. Pixels that are 0 or NaN have no answer.
 
     Args:
         folder: holds the files.
@@ -77,7 +76,7 @@ class StoredPredictions:
                 where=path,
                 fix="resize the predictions to the images: how is a part of the method",
             )
-        depth_m[~((depth_m > 0) & (depth_m < np.inf))] = np.nan
+        depth_m[depth_m == 0] = np.nan  # the rest stays: scoring clamps it, and counts it
         return depth_m
 
     def _settings(self) -> dict[str, Any]:

@@ -178,3 +178,30 @@ def test_safetensors_load_too(tmp_path: Path, batch: Batch) -> None:
     (tmp_path / "w.safetensors").write_bytes(b"cut")
     with pytest.raises(FormatError, match="cannot be read as tensors"):
         load_weights(fresh, tmp_path / "w.safetensors")
+
+
+@pytest.mark.parametrize(
+    "text", ["<!doctype html><title>404</title>", "ever the same words\n", "epoch,loss\n1,2\n", "."]
+)
+def test_text_that_was_saved_as_a_checkpoint_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "model.pt").write_text(text, "utf-8")
+
+    with pytest.raises(FormatError, match=r"the file cannot be read as tensors: \w"):
+        load_model(tmp_path)
+
+
+def test_a_model_file_without_weights_says_what_it_lacks(tmp_path: Path) -> None:
+    torch.save({"civil_rgbd_model": 1, "name": "bts-small"}, tmp_path / "model.pt")
+
+    with pytest.raises(FormatError, match="the model file lacks options, weights"):
+        load_model(tmp_path)
+
+
+def test_long_options_are_cut_short_in_messages(tmp_path: Path) -> None:
+    model = bts_small(features=16)
+    model.options["config"] = "x" * 5000
+    torch.save({"a": torch.zeros(1)}, tmp_path / "w.pth")
+
+    with pytest.raises(FormatError, match="the weights are not those") as caught:
+        load_weights(model, tmp_path / "w.pth")
+    assert len(caught.value.fix) < 500

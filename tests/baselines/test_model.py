@@ -175,3 +175,38 @@ def test_zoedepth_without_transformers_names_the_extra() -> None:
     )
 
     assert said.strip() == 'pip install "civil-rgbd[zoe]"'
+
+
+def test_a_file_may_hold_dataclasses_and_lean_on_its_neighbours(
+    tmp_path: Path, rgb: NDArray[np.uint8], camera: PinholeCamera
+) -> None:
+    (tmp_path / "helper_beside_it.py").write_text("DEPTH_M = 6.0\n")
+    (tmp_path / "deep.py").write_text(
+        "from __future__ import annotations\n"
+        "from dataclasses import dataclass\n"
+        "import numpy as np\n"
+        "from helper_beside_it import DEPTH_M\n"
+        "@dataclass\n"
+        "class Deep:\n"
+        "    depth_m: float = DEPTH_M\n"
+        "    def predict(self, rgb, camera):\n"
+        "        return np.full(rgb.shape[:2], self.depth_m)\n"
+    )
+    model = load_model(f"{tmp_path / 'deep.py'}:Deep")
+
+    assert (predict_frame(model, rgb, camera, bridge="B1", frame="000001") == 6.0).all()
+
+
+def test_a_model_that_fails_is_named_with_its_line(
+    tmp_path: Path, rgb: NDArray[np.uint8], camera: PinholeCamera
+) -> None:
+    file = tmp_path / "failing.py"
+    file.write_text("class Bad:\n    def predict(self, rgb, camera):\n        return 1 / 0\n")
+    model = load_model(f"{file}:Bad")
+
+    with pytest.raises(UsageError, match="the model fails: ZeroDivisionError") as caught:
+        predict_frame(model, rgb, camera, bridge="B1", frame="000007")
+    assert f"{file}:3" in caught.value.fix
+    file.write_text("1 / 0\n")
+    with pytest.raises(UsageError, match="the model fails: ZeroDivisionError"):
+        load_model(f"{file}:Bad")
