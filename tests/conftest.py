@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -31,3 +32,15 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"needs recordings that may not be shipped, in {folder.name!r} beside the repo")
     return folder
+
+
+@pytest.fixture(scope="module")
+def spawned_tests() -> Iterator[None]:
+    """Let processes that a test spawns find the test's own functions, however pytest was started.
+
+    A spawned process is told ``sys.path``; the folder above ``tests`` is on it by ``python -m
+    pytest`` alone.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).resolve().parents[1]))
+        yield

@@ -10,14 +10,18 @@ from typing import Any
 
 import torch
 
+from civil_rgbd.baselines.devices import on_device
+from civil_rgbd.baselines.identity import model_sha256
 from civil_rgbd.baselines.model import DepthModel, StoredDepth, load_model
 from civil_rgbd.benchmark.protocol import ShotRequest, draw_split
 from civil_rgbd.domain.split import Split
+from civil_rgbd.evaluation.choice import own_split
 from civil_rgbd.evaluation.frames import open_bridges
 from civil_rgbd.evaluation.metrics import MetricRules
 from civil_rgbd.evaluation.results import RESULTS, write_results
 from civil_rgbd.evaluation.run import EvaluationOptions, evaluate
 from civil_rgbd.format.atomic import writing
+from civil_rgbd.format.content import frames_sha256
 from civil_rgbd.format.split_files import write_split
 from civil_rgbd.training.recipe_files import load_training_recipe, training_recipe_texts
 from civil_rgbd.training.run import SPLIT, TrainingJob, TrainingOptions, train
@@ -34,7 +38,7 @@ class Cell:
             that is scored as it is.
         request: test bridge, shots, seed, draw.
         settings: changes of the recipe.
-        device: to train on.
+        device: to train and to score on.
         threads: of torch; 0 leaves them alone.
         rules: which pixels count.
         flip: average predictions over flips.
@@ -75,6 +79,8 @@ class CellResult:
         shots: frames of the test bridge that trained.
         folder: where run and results lie.
         results: the document of ``results.json``.
+        seen: a run of the user's own that trained with frames of the test bridge: how many, and how
+            many of those are scored here.
     """
 
     model: str
@@ -82,6 +88,7 @@ class CellResult:
     shots: int
     folder: Path
     results: dict[str, Any]
+    seen: tuple[int, int] = (0, 0)
 
 
 def is_trained(model: str) -> bool:
@@ -108,7 +115,28 @@ def model_of(cell: Cell) -> DepthModel | StoredDepth:
     Raises:
         UsageError: there is none.
     """
-    return load_model(cell.folder if is_trained(cell.model) else cell.model)
+    return on_device(load_model(_location_of(cell)), cell.device)
+
+
+def seen_frames(cell: Cell, split: Split) -> tuple[int, int]:
+    """Count the frames of the test bridge that a model was trained with, which is not trained here.
+
+    Returns:
+        how many there are, and how many of them the split scores; (0, 0) for what is no run.
+
+    Raises:
+        FormatError: the run's split file is damaged.
+    """
+    own = None if is_trained(cell.model) else own_split(cell.model)
+    if own is None:
+        return (0, 0)
+    test = cell.request.test_bridge
+    trained = set(own.train.get(test, ()))
+    return len(trained), len(trained.intersection(split.scored().get(test, ())))
+
+
+def _location_of(cell: Cell) -> str | Path:
+    return cell.folder if is_trained(cell.model) else cell.model
 
 
 def run_cell(cell: Cell) -> CellResult:
@@ -129,22 +157,41 @@ def run_cell(cell: Cell) -> CellResult:
         with writing(cell.folder):
             cell.folder.mkdir(parents=True, exist_ok=True)
         write_split(cell.folder / SPLIT, split)
-    document = _known_results(cell, split) or _scored(cell, split)
-    return CellResult(cell.name, cell.request.seed, cell.request.shots, cell.folder, document)
+    request, seen = cell.request, seen_frames(cell, split)
+    document = _results(cell, split)
+    return CellResult(cell.name, request.seed, request.shots, cell.folder, document, seen)
 
 
-def _scored(cell: Cell, split: Split) -> dict[str, Any]:
+def _results(cell: Cell, split: Split) -> dict[str, Any]:
+    """Score a cell, unless its results are there already."""
+    model = model_of(cell)
+    model_hash = model_sha256(model, _location_of(cell))
+    frames = split.scored()
+    data_hash = frames_sha256(open_bridges(cell.data, frames), frames, opened=True)
+    known = _known_results(cell, split, (model_hash, data_hash))
+    if known is not None:
+        return known
     options = EvaluationOptions(rules=cell.rules, flip=cell.flip)
-    evaluation = evaluate(model_of(cell), cell.data, split, options)
-    return write_results(cell.folder, evaluation, model=cell.name, data=cell.data.resolve().name)
+    return write_results(
+        cell.folder,
+        evaluate(model, cell.data, split, options),
+        model=cell.name,
+        data=cell.data.resolve().name,
+        model_sha256=model_hash,
+        data_sha256=data_hash,
+    )
 
 
-def _known_results(cell: Cell, split: Split) -> dict[str, Any] | None:
-    """Return the results that are there, unless they are of other frames or rules."""
+def _known_results(
+    cell: Cell, split: Split, hashes: tuple[str | None, str]
+) -> dict[str, Any] | None:
+    """Return the results that are there, unless they are of another model, other data or rules."""
     path = cell.folder / RESULTS
-    if not path.is_file():
+    if hashes[0] is None or not path.is_file():
         return None
     document: dict[str, Any] = json.loads(path.read_text("utf-8"))
+    if (document.get("model_sha256"), document.get("data_sha256")) != hashes:
+        return None
     rules = document["rules"]
     same_rules = all(
         rules[name] == getattr(cell.rules, name) for name in MetricRules.__dataclass_fields__

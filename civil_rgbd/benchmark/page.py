@@ -30,6 +30,7 @@ body { font: 15px/1.45 system-ui, sans-serif; color: #222; background: #fff; mar
   max-width: 1250px; padding: 1.5rem; }
 h2 { font-size: 1.2rem; margin-top: 2rem; border-top: 1px solid #ccc; padding-top: .6rem; }
 table { border-collapse: collapse; } th, td { padding: .2rem .6rem; text-align: right;
+  white-space: nowrap;
   border-bottom: 1px solid #eee; } th:first-child, td:first-child { text-align: left; }
 .wide { overflow-x: auto; } svg { max-width: 100%; height: auto; }
 .row { display: grid; grid-template-columns: 9rem repeat(auto-fit, minmax(8rem, 1fr)); gap: 4px;

@@ -44,7 +44,7 @@ def error_uri(prediction_m: NDArray[np.float32], truth_m: NDArray[np.float32]) -
     """
     there = truth_m > 0
     error = np.abs(prediction_m - truth_m) / np.where(there, truth_m, 1)
-    return _uri(_coloured(np.nan_to_num(error, nan=1.0), there, _ERRORS))
+    return _uri(_coloured(np.nan_to_num(error, nan=1.0, posinf=1.0), there, _ERRORS))
 
 
 def error_scale_uri() -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -12,7 +13,14 @@ from pathlib import Path
 from typing import Final
 
 from civil_rgbd.baselines.model import load_model
-from civil_rgbd.benchmark.cells import Cell, CellResult, is_trained, run_cell, split_of
+from civil_rgbd.benchmark.cells import (
+    Cell,
+    CellResult,
+    is_trained,
+    run_cell,
+    seen_frames,
+    split_of,
+)
 from civil_rgbd.benchmark.page import benchmark_page
 from civil_rgbd.benchmark.protocol import DRAW, ShotRequest
 from civil_rgbd.benchmark.table import (
@@ -74,7 +82,7 @@ class BenchmarkOptions:
 
     Attributes:
         jobs: cells that run at a time, each in a process of its own.
-        device: to train on.
+        device: to train and to score on.
         tensorboard: write for TensorBoard.
         on_cell: called with each result and the number of cells.
     """
@@ -160,6 +168,19 @@ def _refuse_early(cells: Sequence[Cell]) -> None:
             load_training_recipe(model.model, model.settings)
         else:
             load_model(model.model)
+    _warn_of_leakage(cells)
+
+
+def _warn_of_leakage(cells: Sequence[Cell]) -> None:
+    """Say which runs of the user's own have seen the test bridge; the table says it as well."""
+    for cell in {cell.model: cell for cell in cells}.values():
+        trained, _ = seen_frames(cell, split_of(cell))
+        if trained:
+            warnings.warn(
+                f"the run {cell.model} was trained with {trained} frames of the test bridge "
+                f"{cell.request.test_bridge}: its row in the table says so",
+                stacklevel=3,
+            )
 
 
 def _cell_key(cell: Cell) -> tuple[str, int, int]:
@@ -209,6 +230,10 @@ def _document(
                 "shots": one.shots,
                 "folder": one.folder.relative_to(job.out).as_posix(),
                 "split_sha256": one.results["split"]["sha256"],
+                "data_sha256": one.results["data_sha256"],
+                "model_sha256": one.results["model_sha256"],
+                "test_frames_trained_with": one.seen[0],
+                "test_frames_trained_with_and_scored": one.seen[1],
             }
             for one in results
         ],

@@ -49,18 +49,21 @@ class TableRow:
         model: what the table calls it.
         shots: frames of the test bridge that trained.
         seeds: that are in it.
-        frames: scored in each set of frames, mean over seeds.
+        frames: scored in each set of frames, by seed.
         scores: spread by set of frames, by averaging (``per_image``, ``pooled``), by metric.
         gain: share of the headline metric that the shots take off, each seed against its own run
             without shots; empty without such runs.
+        seen: frames of the test bridge that a run of the user's own was trained with, and how many
+            of those are scored, at most over seeds.
     """
 
     model: str
     shots: int
     seeds: tuple[int, ...]
-    frames: Mapping[str, float]
+    frames: Mapping[str, Mapping[int, int]]
     scores: Mapping[str, Mapping[str, Mapping[str, Spread]]]
     gain: Spread
+    seen: tuple[int, int] = (0, 0)
 
 
 def table_rows(cells: Sequence[CellResult]) -> list[TableRow]:
@@ -84,10 +87,7 @@ def _row(group: Sequence[CellResult], without_shots: Sequence[CellResult]) -> Ta
         }
         for test in tests
     }
-    frames = {
-        test: mean(cell.results["tests"][test]["counts"]["images"] for cell in group)
-        for test in tests
-    }
+    frames = {test: {cell.seed: _frames_scored(cell, test) for cell in group} for test in tests}
     own = scores[SAME]["per_image"][_headline(group[0])].values
     start = _spread(without_shots, SAME, "per_image", _headline(group[0])).values
     gains = {seed: 1 - own[seed] / start[seed] for seed in own if start.get(seed)}
@@ -98,7 +98,13 @@ def _row(group: Sequence[CellResult], without_shots: Sequence[CellResult]) -> Ta
         frames=frames,
         scores=scores,
         gain=Spread(gains if group[0].shots else {}),
+        seen=max(cell.seen for cell in group),
     )
+
+
+def _frames_scored(cell: CellResult, test: str) -> int:
+    counts = cell.results["tests"][test]["counts"]
+    return int(counts["images"] - counts["images_skipped"])
 
 
 def _spread(group: Sequence[CellResult], test: str, averaging: str, metric: str) -> Spread:
@@ -114,15 +120,17 @@ def _headline(cell: CellResult) -> str:
 def caption(rows: Sequence[TableRow], test_bridge: str) -> str:
     """Say what the table shows."""
     seeds = max(len(row.seeds) for row in rows)
-    frames = rows[0].frames[SAME]
+    frames = _span(rows[0].frames[SAME])
+    seen = any(row.seen[0] for row in rows)
     return (
-        f"Mean ± standard deviation over {seeds} seed{'s' * (seeds != 1)} on bridge "
-        f"{test_bridge}, which no model without shots has seen; each metric is taken per image, "
-        f"then averaged over images. Every number of shots of a seed is scored on the same "
-        f"{frames:.0f} frames, which are no shots. Beside it AbsRel on the remainder (all frames "
-        "but the shots, as the paper scores) and on the remainder apart (without frames within "
-        f"{NEAR_M:g} m and {NEAR_DEG:g} deg of a shot): remainder below apart is leakage by "
-        "overlap. Gain is AbsRel taken off by the shots, each seed against its own run without."
+        f"Mean ± standard deviation over {seeds} seed{'s' * (seeds != 1)} on bridge {test_bridge}, "
+        f"which no model without shots has seen{', but where its row says so' * seen}; each metric "
+        "is taken per image, then averaged over images. Every number of shots of a seed is scored "
+        f"on the same {frames} frames, which are no shots. Beside it AbsRel on the remainder (all "
+        "frames but the shots, as the paper scores) and on the remainder apart (without frames "
+        f"within {NEAR_M:g} m and {NEAR_DEG:g} deg of a shot), each with the number of frames that "
+        "it rests on, least to most over seeds: remainder below apart is leakage by overlap. Gain "
+        "is AbsRel taken off by the shots, each seed against its own run without."
     )
 
 
@@ -170,18 +178,41 @@ def _cells(rows: Sequence[TableRow]) -> tuple[list[str], list[list[str]]]:
         for name in rows[0].scores[SAME]["per_image"]
         if name.removesuffix(MEDIAN_SCALED) in SHOWN
     ]
-    head = ["Model", "shots", *map(label_of, names), "gain", "AbsRel remainder", "AbsRel apart"]
+    head = [
+        "Model",
+        "shots",
+        *map(label_of, names),
+        "gain",
+        "AbsRel remainder (frames)",
+        "AbsRel apart (frames)",
+    ]
     body = [
         [
-            row.model,
+            _name(row),
             str(row.shots),
             *(in_words(row.scores[SAME]["per_image"][name]) for name in names),
             in_words(row.gain, percent=True),
-            *(in_words(row.scores[test]["per_image"][names[0]]) for test in (REMAINDER, APART)),
+            *(
+                f"{in_words(row.scores[test]['per_image'][names[0]])} ({_span(row.frames[test])})"
+                for test in (REMAINDER, APART)
+            ),
         ]
         for row in rows
     ]
     return head, body
+
+
+def _name(row: TableRow) -> str:
+    trained, scored = row.seen
+    if not trained:
+        return row.model
+    return f"{row.model} (trained with {trained} frames of this bridge, {scored} of them scored)"
+
+
+def _span(frames: Mapping[int, int]) -> str:
+    """Return numbers of frames, from least to most over seeds."""
+    least, most = min(frames.values()), max(frames.values())
+    return str(least) if least == most else f"{least}-{most}"
 
 
 def in_words(spread: Spread, *, percent: bool = False) -> str:
@@ -225,7 +256,13 @@ def rows_document(rows: Sequence[TableRow]) -> list[dict[str, Any]]:
             "model": row.model,
             "shots": row.shots,
             "seeds": list(row.seeds),
-            "frames": dict(row.frames),
+            "frames": {test: mean(one.values()) for test, one in row.frames.items()},
+            "frames_by_seed": {
+                test: {str(seed): count for seed, count in one.items()}
+                for test, one in row.frames.items()
+            },
+            "test_frames_trained_with": row.seen[0],
+            "test_frames_trained_with_and_scored": row.seen[1],
             "per_image": {
                 test: {
                     metric: {"mean": _number(one.mean), "deviation": _number(one.deviation)}

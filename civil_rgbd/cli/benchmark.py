@@ -31,7 +31,8 @@ import click
     required=True,
     type=click.Path(path_type=Path),
     metavar="FOLDER",
-    help="Give the command again to go on: finished cells are kept.",
+    help="Give the command again to go on: finished cells are kept while data and model are "
+    "the same.",
 )
 @click.option("--jobs", type=int, default=1, show_default=True, help="Runs at a time.")
 @click.option("--set", "settings", multiple=True, metavar="STAGE.KEY=VALUE", help="As of `train`.")

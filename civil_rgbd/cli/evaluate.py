@@ -32,6 +32,7 @@ import click
     is_flag=True,
     help="Scale predictions by the truth's median; the metrics' names say so.",
 )
+@click.option("--device", default="auto", show_default=True, help="cpu, cuda, mps.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -48,27 +49,41 @@ def command(
     max_depth_m: float | None,
     flip: bool,
     median_scaling: bool,
+    device: str,
     out: Path | None,
 ) -> None:
     """Score a model on measured depth, and write results as JSON, CSV and Markdown.
 
-    RUN_OR_PREDICTIONS is a run folder of `train`, a folder of predictions
+    RUN_OR_PREDICTIONS is a run folder of `train` (or its model.pt), a folder of predictions
     (BRIDGE/FRAME.exr, or 16-bit .png), or any model that `load_model` takes.
     """
+    from civil_rgbd.baselines.devices import on_device
+    from civil_rgbd.baselines.identity import model_sha256, run_folder_of
+    from civil_rgbd.baselines.model import MODEL_FILE
     from civil_rgbd.cli.progress import frame_bar
     from civil_rgbd.cli.scoring_rules import rules_from
     from civil_rgbd.evaluation.choice import choose_model, choose_split
+    from civil_rgbd.evaluation.frames import open_bridges
     from civil_rgbd.evaluation.results import results_markdown, write_results
     from civil_rgbd.evaluation.run import EvaluationOptions, evaluate
+    from civil_rgbd.format.content import frames_sha256
 
     rules = rules_from(min_depth_m, max_depth_m, median_scaling=median_scaling)
-    chosen = choose_model(model)
+    chosen = on_device(choose_model(model), device)
     split = choose_split(model, data, split_file=split_file, bridges=bridges)
     with frame_bar("evaluate") as on_progress:
         options = EvaluationOptions(rules=rules, flip=flip, on_progress=on_progress)
         evaluation = evaluate(chosen, data, split, options)
-    run = Path(model)
-    folder = out or (run / "results" if (run / "model.pt").is_file() else Path("results"))
-    document = write_results(folder, evaluation, model=run.name, data=data.resolve().name)
+    run = run_folder_of(model)
+    is_run = run is not None and (run / MODEL_FILE).is_file()
+    folder = out or (run / "results" if run is not None and is_run else Path("results"))
+    document = write_results(
+        folder,
+        evaluation,
+        model=run.resolve().name if run is not None and is_run else Path(model).name,
+        data=data.resolve().name,
+        model_sha256=model_sha256(chosen, model),
+        data_sha256=frames_sha256(open_bridges(data, split.scored()), split.scored()),
+    )
     print(results_markdown(document))
     print(f"{folder}: results.json, results.csv, results.md, frames.csv")

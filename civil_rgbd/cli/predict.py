@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     help="Focal length in pixels of the photo, where no more is known.",
 )
 @model_options
+@click.option("--device", default="auto", show_default=True, help="cpu, cuda, mps.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 def command(
     photos: Path,
@@ -58,6 +59,7 @@ def command(
     rig: Path | None,
     focal_px: float | None,
     options: tuple[str, ...],
+    device: str,
     as_json: bool,
 ) -> int:
     """Predict the depth of PHOTOS, a folder of images or one.
@@ -66,12 +68,13 @@ def command(
     could not be predicted.
     """
     from civil_rgbd.baselines import DepthModel, load_model
+    from civil_rgbd.baselines.devices import on_device
     from civil_rgbd.cli.progress import frame_bar
     from civil_rgbd.errors import UsageError
     from civil_rgbd.prediction import predict_photos
 
     camera = _camera(intrinsics=intrinsics, rig=rig, focal_px=focal_px)
-    model = load_model(location, **parsed_options(options))
+    model = on_device(load_model(location, **parsed_options(options)), device)
     if not isinstance(model, DepthModel):
         raise UsageError(
             "the model knows frames that were predicted before, not photos",

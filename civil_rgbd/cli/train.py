@@ -18,7 +18,7 @@ import click
     help="A dataset of several bridges.",
 )
 @click.option("--test-bridge", metavar="ID", help="Leave this bridge out of training.")
-@click.option("--shots", type=int, default=0, show_default=True, help="Frames of it that train.")
+@click.option("--shots", type=int, metavar="K", help="Frames of it that train.  [default: 0]")
 @click.option(
     "--draw",
     type=int,
@@ -50,13 +50,13 @@ import click
 @click.option("--workers", type=int, default=0, show_default=True, help="Processes that decode.")
 @click.option("--threads", type=int, help="Of PyTorch.")
 @click.option("--no-tensorboard", is_flag=True, help="Write steps.csv only.")
-@click.option("--overwrite", is_flag=True, help="Delete another run in the same folder.")
+@click.option("--overwrite", is_flag=True, help="Delete the run in the same folder first.")
 def command(
     recipe: str,
     *,
     data: Path,
     test_bridge: str | None,
-    shots: int,
+    shots: int | None,
     draw: int | None,
     split_file: Path | None,
     seed: int,
@@ -77,6 +77,7 @@ def command(
     from civil_rgbd.benchmark.protocol import DRAW, ShotRequest, split_for
     from civil_rgbd.cli.progress import step_bar
     from civil_rgbd.cli.torch_needed import require_torch
+    from civil_rgbd.errors import UsageError
 
     require_torch("train")
     import torch
@@ -84,11 +85,19 @@ def command(
     from civil_rgbd.training.recipe_files import load_training_recipe
     from civil_rgbd.training.run import TrainingJob, TrainingOptions, train
 
+    if split_file is not None and (shots is not None or draw is not None):
+        raise UsageError(
+            "a split is given, which says the frames, and a number of them as well",
+            where="--split, --shots, --draw",
+            fix="leave --shots and --draw out, or give --test-bridge instead of --split",
+        )
     wanted = load_training_recipe(recipe, settings)
     request = (
         None
         if test_bridge is None
-        else ShotRequest(test_bridge, shots, seed, max(DRAW, shots) if draw is None else draw)
+        else ShotRequest(
+            test_bridge, shots or 0, seed, max(DRAW, shots or 0) if draw is None else draw
+        )
     )
     split = split_for(data, request, split_file=split_file)
     if threads is not None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from civil_rgbd.baselines.identity import run_folder_of
 from civil_rgbd.baselines.model import MODEL_FILE, DepthModel, StoredDepth, load_model
 from civil_rgbd.domain.split import Split
 from civil_rgbd.errors import UsageError
@@ -45,7 +46,8 @@ def choose_split(
     """Choose the frames to score: of a file, of bridges, of the run's own split, else all.
 
     Args:
-        named: what the user named as the model.
+        named: what the user named as the model: a run, by its folder or its ``model.pt``, or
+            anything else.
         data: a dataset folder or one bridge folder.
         split_file: of a split.
         bridges: ids; all of their frames.
@@ -60,8 +62,7 @@ def choose_split(
             where="--split, --bridge",
             fix="give one of them",
         )
-    path = Path(named) / SPLIT_FILE
-    own = read_split(path) if path.is_file() else None
+    own = own_split(named)
     if split_file is not None:
         chosen = read_split(split_file)
     elif own is not None and not bridges:
@@ -71,6 +72,21 @@ def choose_split(
     if own is not None:
         _warn_of_leakage(own, chosen)
     return chosen
+
+
+def own_split(named: str) -> Split | None:
+    """Return the split that a run was trained with; None for a model that is no run.
+
+    Args:
+        named: a run folder or its ``model.pt``, or any other model.
+
+    Raises:
+        FormatError: the split file is damaged.
+    """
+    folder = run_folder_of(named)
+    if folder is None or not (folder / SPLIT_FILE).is_file():
+        return None
+    return read_split(folder / SPLIT_FILE)
 
 
 def _warn_of_leakage(own: Split, chosen: Split) -> None:

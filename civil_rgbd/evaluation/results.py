@@ -22,20 +22,31 @@ FRAMES: Final = "frames.csv"
 """The metrics of each frame."""
 
 
-def results_document(evaluation: Evaluation, *, model: str, data: str) -> dict[str, Any]:
+def results_document(
+    evaluation: Evaluation,
+    *,
+    model: str,
+    data: str,
+    model_sha256: str | None = None,
+    data_sha256: str | None = None,
+) -> dict[str, Any]:
     """Return every score as JSON values; NaN, the score of nothing, becomes null.
 
     Args:
         evaluation: what came out.
         model: what was scored, in the words of the caller.
         data: what it was scored on, in the words of the caller.
+        model_sha256: of the model; None where it cannot be known.
+        data_sha256: of the frames; None where nobody took it.
     """
     split = evaluation.split
     tests = {name: _test_document(evaluation, name) for name in split.tests}
     return {
         "civil_rgbd_results": 1,
         "model": model,
+        "model_sha256": model_sha256,
         "data": data,
+        "data_sha256": data_sha256,
         "rules": asdict(evaluation.rules) | {"flip_averaged": evaluation.flip},
         "split": {"sha256": split.sha256(), "origin": dict(split.origin)},
         "tests": tests,
@@ -71,7 +82,15 @@ def _finite(values: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
-def write_results(folder: Path, evaluation: Evaluation, *, model: str, data: str) -> dict[str, Any]:
+def write_results(
+    folder: Path,
+    evaluation: Evaluation,
+    *,
+    model: str,
+    data: str,
+    model_sha256: str | None = None,
+    data_sha256: str | None = None,
+) -> dict[str, Any]:
     """Write ``results.json``, ``results.md``, ``results.csv`` and ``frames.csv``; JSON comes last.
 
     Args:
@@ -79,6 +98,8 @@ def write_results(folder: Path, evaluation: Evaluation, *, model: str, data: str
         evaluation: what came out.
         model: what was scored, in the words of the caller.
         data: what it was scored on, in the words of the caller.
+        model_sha256: of the model; None where it cannot be known.
+        data_sha256: of the frames; None where nobody took it.
 
     Returns:
         the JSON document.
@@ -86,7 +107,9 @@ def write_results(folder: Path, evaluation: Evaluation, *, model: str, data: str
     Raises:
         OutputError: a file cannot be written.
     """
-    document = results_document(evaluation, model=model, data=data)
+    document = results_document(
+        evaluation, model=model, data=data, model_sha256=model_sha256, data_sha256=data_sha256
+    )
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
     path = folder / RESULTS

@@ -111,14 +111,13 @@ def _plane(values: ArrayLike) -> NDArray[np.floating]:
 def _median_scale(
     predicted: NDArray[np.floating], true: NDArray[np.floating], rules: MetricRules
 ) -> float:
+    true = true.astype(np.float64)  # as the kernel compares: the limits are no float32
     valid = (true > rules.min_depth_m) & (true < rules.max_depth_m)
     if not valid.any():
         return 1.0
     known = predicted[valid].astype(np.float64)
     known = known[np.isfinite(known) & (known > 0)]
-    return (
-        float(np.median(true[valid].astype(np.float64)) / np.median(known)) if len(known) else 1.0
-    )
+    return float(np.median(true[valid]) / np.median(known)) if len(known) else 1.0
 
 
 # One pass in a fixed order, float64: the sums of an image depend on nothing but the image. Valid

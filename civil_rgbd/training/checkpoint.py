@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
-from zipfile import BadZipFile
 
 import torch
 from torch import Tensor, distributed
 
+from civil_rgbd.baselines.checkpoints import UNREADABLE, damage_of
 from civil_rgbd.errors import FormatError, TrainingError
 from civil_rgbd.format.atomic import whole_file
 
 CHECKPOINT: Final = "checkpoint.pt"
 """Name of the file in a run folder."""
+
+_HASH_DIGITS: Final = 64
 
 
 def write_checkpoint(path: Path, state: Mapping[str, Any]) -> None:
@@ -50,9 +51,9 @@ def read_checkpoint(path: Path, *, identity: Mapping[str, Any]) -> dict[str, Any
         return None
     try:
         state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-    except (RuntimeError, EOFError, BadZipFile, pickle.UnpicklingError, ValueError) as error:
+    except UNREADABLE as error:
         raise FormatError(
-            f"the checkpoint cannot be read: {str(error).splitlines()[0][:200]}",
+            f"the checkpoint cannot be read: {damage_of(error)}",
             where=path,
             fix="delete it to train from the start; it is written whole, so the disk is suspect",
         ) from error
@@ -60,23 +61,53 @@ def read_checkpoint(path: Path, *, identity: Mapping[str, Any]) -> dict[str, Any
     return state
 
 
-def refuse_other_run(found: Mapping[str, Any], wanted: Mapping[str, Any], *, where: object) -> None:
+def refuse_other_run(
+    found: Mapping[str, Any],
+    wanted: Mapping[str, Any],
+    *,
+    where: object,
+    recipes: tuple[Mapping[str, Any], Mapping[str, Any]] = ({}, {}),
+) -> None:
     """Refuse to go on with a run that was begun otherwise.
+
+    Args:
+        found: what the run is that lies there.
+        wanted: what was asked for.
+        where: for the error.
+        recipes: documents of both recipes: where they differ, their keys are named.
 
     Raises:
         TrainingError: it is so; says what differs.
     """
-    differing = [
-        f"{key} {found.get(key)!r} -> {wanted.get(key)!r}"
-        for key in sorted({*found, *wanted})
-        if found.get(key) != wanted.get(key)
-    ]
+    differing = []
+    for key in sorted({*found, *wanted}):
+        if found.get(key) != wanted.get(key):
+            inner = _differences(*recipes) if key == "recipe" else []
+            differing += inner or [f"{key} {_short(found.get(key))} -> {_short(wanted.get(key))}"]
     if differing:
         raise TrainingError(
             f"another run lies here: {', '.join(differing)[:400]}",
             where=where,
             fix="give another --out; or --overwrite to delete what is there",
         )
+
+
+def _differences(found: Mapping[str, Any], wanted: Mapping[str, Any], stem: str = "") -> list[str]:
+    """Say which keys of two documents differ, and how."""
+    differing = []
+    for key in sorted({*found, *wanted}):
+        one, other = found.get(key), wanted.get(key)
+        if isinstance(one, Mapping) and isinstance(other, Mapping):
+            differing += _differences(one, other, stem=f"{stem}{key}.")
+        elif one != other:
+            differing.append(f"{stem}{key} {one!r} -> {other!r}")
+    return differing
+
+
+def _short(value: object) -> str:
+    """Return a value as it is shown; of a hash its first digits."""
+    is_hash = isinstance(value, str) and len(value) == _HASH_DIGITS
+    return f"{str(value)[:12]}..." if is_hash else repr(value)
 
 
 def random_states(device: torch.device) -> list[Tensor]:

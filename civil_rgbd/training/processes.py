@@ -12,7 +12,7 @@ import torch
 from torch import distributed, nn
 from torch.nn.parallel import DistributedDataParallel
 
-from civil_rgbd.errors import UsageError
+from civil_rgbd.baselines.devices import device_named
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,9 @@ def joined(device: str) -> Iterator[Processes]:
         UsageError: there is no such device.
     """
     count = int(os.environ.get("WORLD_SIZE", "1"))
-    chosen = _device(device, int(os.environ.get("LOCAL_RANK", "0")))
+    chosen = device_named(device, number=int(os.environ.get("LOCAL_RANK", "0")))
+    if chosen.type == "cuda":
+        torch.cuda.set_device(chosen)
     if count == 1 or distributed.is_initialized():
         rank = distributed.get_rank() if distributed.is_initialized() else 0
         count = distributed.get_world_size() if distributed.is_initialized() else 1
@@ -62,25 +64,6 @@ def joined(device: str) -> Iterator[Processes]:
         yield Processes(distributed.get_rank(), count, chosen)
     finally:
         distributed.destroy_process_group()
-
-
-def _device(name: str, local_rank: int) -> torch.device:
-    if name == "auto":
-        name = "cuda" if torch.cuda.is_available() else "cpu"
-    if name == "cuda":
-        name = f"cuda:{local_rank}"
-    try:
-        device = torch.device(name)
-        torch.empty(1, device=device)
-    except (RuntimeError, AssertionError) as error:
-        raise UsageError(
-            f"there is no device {name!r}: {str(error).splitlines()[0]}",
-            where="--device",
-            fix="give cpu, or cuda where PyTorch sees a GPU",
-        ) from error
-    if device.type == "cuda":
-        torch.cuda.set_device(device)
-    return device
 
 
 def spread(model: nn.Module, processes: Processes) -> nn.Module:

@@ -13,14 +13,12 @@ import torch
 
 from civil_rgbd.baselines.checkpoints import load_weights, save_model
 from civil_rgbd.baselines.imagenet import load_encoder_weights
-from civil_rgbd.baselines.model import MODEL_FILE, load_model
+from civil_rgbd.baselines.model import ENTRY_POINT_GROUP, MODEL_FILE, load_model, model_names
 from civil_rgbd.baselines.torch_model import TorchDepthModel
 from civil_rgbd.domain.split import Split
 from civil_rgbd.errors import TrainingError, UsageError
 from civil_rgbd.format.atomic import writing
 from civil_rgbd.format.documents import document_text, read_document, write_text
-from civil_rgbd.format.layout import bridge_folders
-from civil_rgbd.format.reader import read_bridge
 from civil_rgbd.format.split_files import write_split
 from civil_rgbd.training.checkpoint import (
     CHECKPOINT,
@@ -29,6 +27,12 @@ from civil_rgbd.training.checkpoint import (
     write_checkpoint,
 )
 from civil_rgbd.training.frames import TrainingFrames, load_batches
+from civil_rgbd.training.identity import (
+    refuse_nothing_to_learn,
+    run_identity,
+    training_bridges,
+    weights_file,
+)
 from civil_rgbd.training.journal import BOARD, STEPS, Journal, StepRecord, read_steps
 from civil_rgbd.training.loop import TrainingLoop
 from civil_rgbd.training.norms import estimate_norms
@@ -75,7 +79,7 @@ class TrainingOptions:
         workers: processes that decode; 0 for none.
         imagenet: file of ImageNet weights; None fetches them when the recipe asks for them.
         tensorboard: write for TensorBoard.
-        overwrite: delete another run in the same folder.
+        overwrite: delete the run in the same folder, whichever it is, and train from the start.
         on_step: called with each step and the number of steps, in the first process.
     """
 
@@ -126,10 +130,18 @@ def train(job: TrainingJob, options: TrainingOptions | None = None) -> TrainingR
     """
     options = options or TrainingOptions()
     started = time.monotonic()
-    _refuse_nothing_to_learn(job)
+    bridges = training_bridges(job.data, job.split)
+    refuse_nothing_to_learn(bridges, job.split, job.recipe, where=job.data)
     with joined(options.device) as processes:
         _refuse_uneven(job.recipe, processes)
-        identity = _identity(job, processes)
+        identity = run_identity(
+            recipe=job.recipe,
+            seed=job.seed,
+            split=job.split,
+            processes=processes.count,
+            weights=job.weights,
+            bridges=bridges,
+        )
         if processes.is_first:
             _prepare_folder(job, identity, overwrite=options.overwrite)
         processes.wait()
@@ -147,26 +159,6 @@ def train(job: TrainingJob, options: TrainingOptions | None = None) -> TrainingR
         return _report(job, order, found=found, seconds=time.monotonic() - started)
 
 
-def _refuse_nothing_to_learn(job: TrainingJob) -> None:
-    """Refuse a training set without one measured pixel in range: the index knows without images."""
-    low, high = job.recipe.input.min_depth_m, job.recipe.input.max_depth_m
-    bridges = [read_bridge(folder) for folder in bridge_folders(job.data).values()]
-    wanted = {name: set(ids) for name, ids in job.split.train.items()}
-    rows = [
-        row
-        for bridge in bridges
-        for row in bridge.rows
-        if row.frame_id in wanted.get(bridge.manifest.info.bridge_id, ())
-    ]
-    if not any(r.valid_share > 0 and r.depth_min_m < high and r.depth_max_m > low for r in rows):
-        raise UsageError(
-            f"there is nothing to learn: none of {len(rows)} training frames has a measured pixel "
-            f"between {low:g} and {high:g} m",
-            where=job.data,
-            fix="choose other bridges, or widen input.min_depth_m and input.max_depth_m",
-        )
-
-
 def _refuse_uneven(recipe: TrainingRecipe, processes: Processes) -> None:
     if recipe.run.batch % processes.count:
         raise UsageError(
@@ -176,26 +168,18 @@ def _refuse_uneven(recipe: TrainingRecipe, processes: Processes) -> None:
         )
 
 
-def _identity(job: TrainingJob, processes: Processes) -> dict[str, Any]:
-    return {
-        "recipe": job.recipe.sha256(),
-        "seed": job.seed,
-        "split": job.split.sha256(),
-        "processes": processes.count,
-        "weights": None if job.weights is None else job.weights.name,
-    }
-
-
 def _prepare_folder(job: TrainingJob, identity: dict[str, Any], *, overwrite: bool) -> None:
     path = job.out / RUN
     with writing(job.out):
         job.out.mkdir(parents=True, exist_ok=True)
-        if overwrite and path.is_file() and read_document(path)["identity"] != identity:
+        if overwrite:
             for name in _OWN_FILES:
                 (job.out / name).unlink(missing_ok=True)
             shutil.rmtree(job.out / BOARD, ignore_errors=True)
     if path.is_file():
-        refuse_other_run(read_document(path)["identity"], identity, where=job.out)
+        found = read_document(path)
+        recipes = found.get("recipe", {}), job.recipe.to_document()
+        refuse_other_run(found["identity"], identity, where=job.out, recipes=recipes)
         return
     write_split(job.out / SPLIT, job.split)
     document = {
@@ -222,7 +206,7 @@ def _begun(
     recipe = job.recipe
     model = _model(recipe, frames)
     if job.weights is not None:
-        load_weights(model, job.weights / MODEL_FILE if job.weights.is_dir() else job.weights)
+        load_weights(model, weights_file(job.weights))
     elif recipe.run.pretrained and not (job.out / CHECKPOINT).is_file():
         load_encoder_weights(model.network.encoder, *filter(None, [options.imagenet]))  # type: ignore[arg-type]  # only BTS has such an encoder; its recipe says so
     if recipe.run.freeze_early_layers:
@@ -238,12 +222,29 @@ def _model(recipe: TrainingRecipe, frames: TrainingFrames) -> TorchDepthModel:
     if recipe.input.width_px and recipe.input.model_resizes:
         height, width = frames.prepared_px
         options = {"height_px": height, "width_px": width} | options
-    model = load_model(recipe.model, **options)
+    try:
+        model = load_model(recipe.model, **options)
+    except UsageError as error:
+        if "height_px" in recipe.model_options or "'height_px'" not in error.what:
+            raise
+        raise UsageError(
+            f"the model {recipe.model!r} takes no height_px and width_px, and images are resized",
+            where=f"training recipe {recipe.name}",
+            fix="let the model take them, or set input.model_resizes = false",
+        ) from error
     if not isinstance(model, TorchDepthModel):
         raise UsageError(
             f"the model {recipe.model!r} cannot be trained: it is a {type(model).__name__}",
             where=f"training recipe {recipe.name}",
             fix="derive it from civil_rgbd.baselines.torch_model.TorchDepthModel",
+        )
+    if model.name not in model_names():
+        raise UsageError(
+            f"nobody could load the run: its model would be saved as {model.name!r}, and no "
+            "installed model has that name",
+            where=f"training recipe {recipe.name}",
+            fix=f"announce it as the entry point {model.name!r} of the group {ENTRY_POINT_GROUP}; "
+            "docs/tutorials/your_model_in_the_table.md shows how",
         )
     return model
 

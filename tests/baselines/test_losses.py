@@ -142,8 +142,9 @@ def one_process_of_two(rank: int, folder: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def from_two_processes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def from_two_processes(tmp_path_factory: pytest.TempPathFactory, spawned_tests: None) -> Path:
     """What two processes, each with half of the batch, make of every case."""
+    del spawned_tests  # asked for what it does
     folder = tmp_path_factory.mktemp("two_processes")
     multiprocessing.spawn(one_process_of_two, (str(folder),), nprocs=2)
     return folder

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,8 +12,11 @@ import pytest
 
 from civil_rgbd.benchmark.cells import CellResult
 from civil_rgbd.benchmark.run import BenchmarkJob, BenchmarkOptions, cells_of, run_benchmark
+from civil_rgbd.benchmark.table import TableRow
 from civil_rgbd.errors import RecipeError, TrainingError, UsageError
 from civil_rgbd.evaluation.metrics import MetricRules
+from civil_rgbd.format.depth_exr import write_depth
+from civil_rgbd.format.reader import read_bridge
 from civil_rgbd.format.split_files import read_split
 
 from ..training.conftest import TINY, write_learnable
@@ -121,6 +125,57 @@ def test_other_rules_score_anew_and_train_nothing(job: BenchmarkJob, tmp_path: P
     assert rows[-1].scores["same"]["per_image"]["abs_rel"].mean != near
 
 
+def test_other_data_and_another_model_are_scored_anew(job: BenchmarkJob, tmp_path: Path) -> None:
+    data, own = tmp_path / "data", tmp_path / "own.py"
+    shutil.copytree(job.data, data)
+    own.write_text(MODEL_OF_ONES_OWN, "utf-8")
+    run = job.out / "cells" / "bts-small" / "seed-0" / "shots-0"
+    models = (f"{own}:TenMetres", str(run))
+    changed = replace(job, data=data, models=models, out=tmp_path / "table", seeds=1)
+    first = [_abs_rel(row) for row in run_benchmark(changed, QUIET)]
+    kept = _written(changed.out)
+    own.write_text(MODEL_OF_ONES_OWN.replace("10.0", "3.0"), "utf-8")
+    second = [_abs_rel(row) for row in run_benchmark(changed, QUIET)]
+
+    assert second[0] != first[0]
+    assert second[1] == first[1]
+    unchanged = {name for name, stamp in _written(changed.out).items() if kept[name] == stamp}
+    assert unchanged == {"0"}  # of the run, whose folder is shots-0
+
+    bridge = read_bridge(data / "bridges" / "B3")
+    for row in bridge.rows:
+        write_depth(data / "bridges" / "B3" / row.depth_path, bridge.read_depth(row) * 2)
+    third = [_abs_rel(row) for row in run_benchmark(changed, QUIET)]
+    assert third[0] != second[0]
+    assert third[1] != second[1]
+
+
+def _abs_rel(row: TableRow) -> float:
+    return row.scores["same"]["per_image"]["abs_rel"].mean
+
+
+def _written(out: Path) -> dict[str, int]:
+    """When each model's results were written, by the last part of the model's name."""
+    paths = out.rglob("results.json")
+    return {path.parents[2].name.rpartition("-")[2]: path.stat().st_mtime_ns for path in paths}
+
+
+def test_a_run_that_has_seen_the_test_bridge_is_told_from_others(
+    job: BenchmarkJob, tmp_path: Path
+) -> None:
+    run = job.out / "cells" / "bts-small" / "seed-0" / "shots-2" / "model.pt"
+    wanted = replace(job, models=(str(run),), out=tmp_path / "table", seeds=1, draw=1, shots=(0,))
+    with pytest.warns(UserWarning, match="was trained with 2 frames of the test bridge B3"):
+        run_benchmark(wanted, QUIET)
+
+    table = (wanted.out / "table2.md").read_text("utf-8")
+    assert "(trained with 2 frames of this bridge, 2 of them scored) | 0 |" in table
+    assert "but where its row says so" in table
+    document = json.loads((wanted.out / "benchmark.json").read_text("utf-8"))
+    assert document["rows"][0]["test_frames_trained_with"] == 2
+    assert document["cells"][0]["test_frames_trained_with_and_scored"] == 2
+
+
 def test_the_page_shows_table_curves_and_predictions_and_asks_nobody(job: BenchmarkJob) -> None:
     page = (job.out / "index.html").read_text("utf-8")
 
@@ -133,8 +188,6 @@ def test_the_page_shows_table_curves_and_predictions_and_asks_nobody(job: Benchm
 
 def test_two_at_a_time_give_the_same_table(job: BenchmarkJob, tmp_path: Path) -> None:
     # One cell is left to do: that a worker process finds its way is what is asked.
-    import shutil
-
     shutil.copytree(job.out, tmp_path / "table")
     shutil.rmtree(tmp_path / "table" / "cells" / "bts-small" / "seed-1" / "shots-2")
     run_benchmark(replace(job, out=tmp_path / "table"), replace(QUIET, jobs=2))
@@ -144,7 +197,7 @@ def test_two_at_a_time_give_the_same_table(job: BenchmarkJob, tmp_path: Path) ->
 
 def test_other_numbers_in_the_same_folder_are_refused(job: BenchmarkJob) -> None:
     other = replace(job, settings=(*job.settings, "run.batch=2"))
-    with pytest.raises(TrainingError, match="another run lies here: recipe"):
+    with pytest.raises(TrainingError, match=r"another run lies here: run\.batch 4 -> 2"):
         run_benchmark(other, QUIET)
 
 

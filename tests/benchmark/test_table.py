@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,18 +25,18 @@ from civil_rgbd.evaluation.metrics import METRICS
 
 
 def cell(model: str, seed: int, shots: int, abs_rel: float, **others: float | None) -> CellResult:
-    def scores(value: float | None) -> dict[str, Any]:
+    def scores(value: float | None, frames: int = 41) -> dict[str, Any]:
         metrics: dict[str, float | None] = dict.fromkeys(METRICS, 0.5)
         return {
             "per_image": metrics | {"abs_rel": value},
             "pooled": metrics | {"abs_rel": value},
-            "counts": {"images": 40},
+            "counts": {"images": frames, "images_skipped": 1},
         }
 
     tests = {
         "same": scores(abs_rel),
         "remainder": scores(others.get("remainder", abs_rel)),
-        "apart": scores(others.get("apart", abs_rel)),
+        "apart": scores(others.get("apart", abs_rel), frames=9 + 4 * seed),
     }
     return CellResult(model, seed, shots, Path("x"), {"tests": tests})
 
@@ -87,7 +88,11 @@ def test_markdown_has_a_line_a_row_and_says_how_it_was_scored() -> None:
 
     assert lines[0].startswith("| Model | shots | AbsRel | RMSE | Log10 | δ1 | δ2 | δ3 | gain |")
     assert lines[3].split(" | ")[2] == "0.250 ± 0.071"
-    assert lines[3].split(" | ")[8:] == ["45.0 ± 7.1 %", "0.200 ± 0.071", "0.350 |"]
+    assert lines[3].split(" | ")[8:] == [
+        "45.0 ± 7.1 %",
+        "0.200 ± 0.071 (40)",
+        "0.350 (8-12) |",
+    ]
     assert len(lines) == 2 + 3 + 2
     assert "same 40 frames" in text
     assert "leakage by overlap" in text
@@ -118,3 +123,13 @@ def test_csv_has_every_seed() -> None:
 def test_nothing_becomes_null_and_a_dash() -> None:
     assert in_words(Spread({})) == "-"
     assert rows_document(table_rows(CELLS))[0]["gain"] == {"mean": None, "deviation": None}
+
+
+def test_a_run_that_has_seen_the_test_bridge_is_marked() -> None:
+    seen = [replace(one, seen=(10, one.seed)) for one in CELLS if one.model == "bts"]
+    text = table_markdown(table_rows([*seen, CELLS[-1]]), "B3")
+
+    assert "| bts (trained with 10 frames of this bridge, 1 of them scored) | 0 |" in text
+    assert "| zoe | 0 |" in text
+    assert "has seen, but where its row says so;" in text
+    assert "says so" not in table_markdown(table_rows(CELLS), "B3")

@@ -52,6 +52,30 @@ def test_a_trained_run_is_scored_on_the_bridge_that_it_has_not_seen(
     assert document["split"]["origin"]["test_bridge"] == "B3"
 
 
+def test_the_file_of_a_run_stands_for_the_run(data: Path, run: Path) -> None:
+    assert main(["evaluate", str(run / "model.pt"), "--data", str(data), "--device", "cpu"]) == 0
+    document = json.loads((run / "results" / "results.json").read_text("utf-8"))
+
+    assert document["split"]["origin"]["test_bridge"] == "B3"
+    assert document["model"] == "bts-0"
+    assert len(document["model_sha256"]) == len(document["data_sha256"]) == 64
+
+
+def test_scoring_takes_place_on_the_device_that_is_asked_for(
+    data: Path, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ["--data", str(data), "--device", "nonsense"]
+    one_photo = ["--focal-px", "50", "--device", "nonsense"]
+    table = ["--test-bridge", "B3", "--shots", "0", "--seeds", "1", "--draw", "1"]
+    for arguments in (
+        ["evaluate", str(run), *asked],
+        ["benchmark", "--models", str(run), *table, "--out", str(tmp_path / "t"), *asked],
+        ["predict", str(tmp_path), "--model", str(run), "--out", str(tmp_path / "p"), *one_photo],
+    ):
+        assert main(arguments) == 2
+        assert "there is no device 'nonsense'" in capsys.readouterr().err
+
+
 def test_the_same_command_again_finds_the_run_done(
     data: Path, run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -102,6 +126,8 @@ def test_the_table_comes_out_of_one_command(
         (["benchmark", "--test-bridge", "B3", "--models", "bts", "--shots", "a"], "is not numbers"),
         (["benchmark", "--test-bridge", "B3", "--models", "btx", "--draw", "2", "--shots", "0"],
          "there is no such model: 'btx'"),
+        (["train", "bts-small", "--split", "s.json", "--shots", "0"], "a split is given"),
+        (["train", "bts-small", "--split", "s.json", "--draw", "9"], "a split is given"),
         (["evaluate", "nowhere"], "there is no such model: 'nowhere'"),
         (["evaluate", "x", "--min-depth", "5", "--max-depth", "4"], "are not 0 < min < max"),
     ],

@@ -218,3 +218,22 @@ def test_scoring_needs_no_torch() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
 
     assert done.stdout.strip() == "False"
+
+
+def test_truth_at_an_end_of_the_range_does_not_scale_either() -> None:
+    rules = MetricRules(min_depth_m=0.1, max_depth_m=0.9, min_valid_px=1, median_scaling=True)
+    # As float32, 0.1 is above the limit and 0.9 below it: those count; 1.0 does not.
+    truth = np.array([[0.1, 0.9, 0.9, 1.0]], dtype=np.float32)
+    assert float(truth[0, 0]) > 0.1
+    assert float(truth[0, 1]) < 0.9
+    image = update((), truth * 2, truth, rules=rules)
+    scores = compute(image, rules=rules)
+
+    assert scores.counts.pixels == 3
+    assert scores.pooled["abs_rel_median_scaled"] == pytest.approx(0, abs=1e-6)
+    one_low = np.array([[0.1, 0.5, 0.5]], dtype=np.float32)
+    wrong = one_low * np.array([[4, 1, 1]], dtype=np.float32)
+    found = compute(update((), wrong, one_low, rules=rules), rules=rules).pooled
+    slow = np.median([np.float64(v) for v in one_low[0]]) / np.median(wrong.astype(np.float64))
+    expected = np.mean(np.abs(np.clip(wrong * slow, 0.1, 0.9) - one_low) / one_low)
+    assert found["abs_rel_median_scaled"] == pytest.approx(expected, rel=1e-6)

@@ -216,6 +216,10 @@ def test_a_run_is_scored_on_its_own_split_and_leakage_is_said(
     assert len(every.tests["all"]["B1"]) == 6
     with pytest.raises(UsageError, match="the run is not finished"):
         choose_model(str(tmp_path))
+    (tmp_path / "model.pt").touch()  # the file names the run as its folder does
+    assert choose_split(str(tmp_path / "model.pt"), coded_data) == SPLIT
+    with pytest.warns(UserWarning, match="scored here: 1 of bridge B1"):
+        choose_split(str(tmp_path / "model.pt"), coded_data, bridges=["B1"])
 
 
 def test_a_split_and_bridges_together_are_refused(coded_data: Path, tmp_path: Path) -> None:

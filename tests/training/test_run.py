@@ -42,6 +42,7 @@ def assert_same_weights(a: Path, b: Path) -> None:
     assert all(torch.equal(one[name], other[name]) for name in one)
 
 
+@pytest.mark.slow
 def test_one_batch_is_learnt_by_heart(learnable: Path, tmp_path: Path) -> None:
     by_heart = Split(train={"B1": ids(0, 1, 2, 3)}, tests={"all": {"B1": ids(0, 1, 2, 3)}})
     settings = (
@@ -102,6 +103,7 @@ RESUMED = ("run.steps=10", "run.ema_decay=0.9", "augment.zoom=1.2")
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="Windows has no SIGKILL")
+@pytest.mark.usefixtures("spawned_tests")
 def test_a_killed_run_goes_on_as_if_it_had_not_been(learnable: Path, tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     process = context.Process(target=killed_at, args=(8, str(learnable), str(tmp_path / "killed")))
@@ -133,11 +135,70 @@ def test_another_run_in_the_folder_is_refused_and_overwritten_on_request(
 ) -> None:
     train(job(learnable, tmp_path / "run", "run.steps=2"), QUIET)
     other = job(learnable, tmp_path / "run", "run.steps=3", seed=5)
-    with pytest.raises(TrainingError, match=r"another run lies here: recipe .*, seed 0 -> 5"):
+    with pytest.raises(
+        TrainingError, match=r"another run lies here: run\.steps 2 -> 3, seed 0 -> 5"
+    ):
         train(other, QUIET)
     train(other, replace(QUIET, overwrite=True))
 
     assert len(read_steps(tmp_path / "run")) == 3
+    (tmp_path / "run" / "steps.csv").unlink()
+    with pytest.raises(TrainingError, match=r"a model and no steps\.csv"):
+        train(other, QUIET)
+    report = train(other, replace(QUIET, overwrite=True))
+    assert report.steps_found == 0  # the same run, anew
+
+
+def test_a_run_of_other_data_or_other_first_weights_is_another_run(
+    tmp_path: Path, learnable: Path
+) -> None:
+    import shutil
+
+    shutil.copytree(learnable, tmp_path / "data")
+    train(job(tmp_path / "data", tmp_path / "run", "run.steps=1"), QUIET)
+    assert train(job(learnable, tmp_path / "run", "run.steps=1"), QUIET).steps_found == 1
+    shutil.rmtree(tmp_path / "data" / "bridges" / "B1")
+    other = [learnable_frame(7, number) for number in range(6)]
+    write_bridge(tmp_path / "data" / "bridges" / "B1", other)
+    with pytest.raises(TrainingError, match=r"another run lies here: data .{12}\.\.\. -> "):
+        train(job(tmp_path / "data", tmp_path / "run", "run.steps=1"), QUIET)
+
+    again = {"weights": tmp_path / "run"}
+    train(job(learnable, tmp_path / "second", "run.steps=1", **again), QUIET)
+    (tmp_path / "moved").mkdir()
+    (tmp_path / "run" / "model.pt").rename(tmp_path / "moved" / "model.pt")
+    moved = {"weights": tmp_path / "moved"}
+    assert train(job(learnable, tmp_path / "second", "run.steps=1", **moved), QUIET).steps == 1
+    (tmp_path / "second" / "model.pt").replace(tmp_path / "moved" / "model.pt")
+    with pytest.raises(TrainingError, match="another run lies here: weights"):
+        train(job(learnable, tmp_path / "second", "run.steps=1", **moved), QUIET)
+
+
+UNNAMED = """
+from civil_rgbd.baselines.bts_model import bts_small
+
+def nameless():
+    model = bts_small(features=16)
+    model.name = "nameless"
+    return model
+
+"""
+
+
+def test_a_model_that_nobody_could_load_is_refused_before_it_is_trained(
+    learnable: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "own.py").write_text(UNNAMED)
+    plain = tiny_recipe("run.steps=1", "input.width_px=0")
+    named = replace(plain, model=f"{tmp_path / 'own.py'}:nameless", model_options={})
+    with pytest.raises(UsageError, match="no installed model has that name") as caught:
+        train(TrainingJob(learnable, SPLIT, named, tmp_path / "run"), QUIET)
+    assert "entry point 'nameless'" in caught.value.fix
+
+    resized = replace(named, input=replace(named.input, width_px=96))
+    with pytest.raises(UsageError, match="takes no height_px and width_px") as caught:
+        train(TrainingJob(learnable, SPLIT, resized, tmp_path / "other"), QUIET)
+    assert "input.model_resizes = false" in caught.value.fix
 
 
 def test_the_average_of_the_weights_is_what_is_saved(learnable: Path, tmp_path: Path) -> None:
@@ -269,6 +330,8 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("spawned_tests")
 def test_two_processes_train_together(learnable: Path, tmp_path: Path) -> None:
     multiprocessing.spawn(
         two_processes, (str(learnable), str(tmp_path / "two"), free_port()), nprocs=2
