@@ -137,7 +137,7 @@ class QualityStage:
 
     planes: tuple[str, ...] = ("age_s", "bias_m", "empty", "returns", "sigma_m")
     range_noise_m: float = 0.02
-    weak_noise_share: float = 0.0004
+    weak_noise_share: float = 0.00033
     slant_noise_rad: float = 0.00035
     pose_noise_m: float = 0.0
 

@@ -17,26 +17,23 @@ from civil_rgbd.geometry.camera import PinholeCamera
 
 _REACH_PX: Final = 5  # neighbours that speak for a pixel's surface
 _SAME_SURFACE: Final = 0.15  # of the depth: a surface seen at 5 degrees changes so much over 5 px
-_BESIDE_PX: Final = 2  # neighbours whose surface a pixel may show as well
 _FEWEST: Final = 6  # neighbours; fewer say nothing
 _UNKNOWN: Final = 3.0  # tangent where nobody can tell: edges, leaves and grazing ground far away
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slopes:
-    """How the surface behind each pixel slants; that of a facing surface where nobody can tell.
+    """How the surface behind each pixel slants; that of a slanting surface where nobody can tell.
 
     Attributes:
         tangent: (H, W) float64, of the angle between ray and normal: 0 = head on.
         spread_m: (H, W) float64, standard deviation of the surface's depth over the pixel.
         rough_m: (H, W) float64, root of the mean square by which neighbours miss the plane.
-        step_m: (H, W) float64, largest distance in depth to a neighbour on another surface.
     """
 
     tangent: NDArray[np.float64]
     spread_m: NDArray[np.float64]
     rough_m: NDArray[np.float64]
-    step_m: NDArray[np.float64]
 
 
 def slopes_of(depth_m: NDArray[np.float32], camera: PinholeCamera, *, noise_m: float) -> Slopes:
@@ -47,7 +44,7 @@ def slopes_of(depth_m: NDArray[np.float32], camera: PinholeCamera, *, noise_m: f
         camera: the pinhole.
         noise_m: standard deviation of a depth: noise looks like slant, and is taken off.
     """
-    planes = np.zeros((4, *depth_m.shape))
+    planes = np.zeros((3, *depth_m.shape))
     pinhole = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     _fit(depth_m, pinhole, noise_m, planes)
     return Slopes(*planes)
@@ -55,7 +52,7 @@ def slopes_of(depth_m: NDArray[np.float32], camera: PinholeCamera, *, noise_m: f
 
 @numba.njit(cache=True, nogil=True)
 def _fit(depth_m, pinhole, noise_m, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # a kernel: numba infers
-    tangent, spread_m, rough_m, step_m = out
+    tangent, spread_m, rough_m = out
     height, width = depth_m.shape
     fx, fy, cx, cy = pinhole
     for v in range(height):
@@ -75,8 +72,6 @@ def _fit(depth_m, pinhole, noise_m, out):  # type: ignore[no-untyped-def]  # noq
                         su, sv, sq = su + du, sv + dv, sq + q
                         suu, suv, svv = suu + du * du, suv + du * dv, svv + dv * dv
                         suq, svq, sqq = suq + du * q, svq + dv * q, sqq + q * q
-                    elif other > 0.0 and max(abs(x - u), abs(y - v)) <= _BESIDE_PX:
-                        step_m[v, u] = max(step_m[v, u], abs(other - depth))
             if count < _FEWEST:
                 continue
             suu, suv, svv = suu - su * su / count, suv - su * sv / count, svv - sv * sv / count

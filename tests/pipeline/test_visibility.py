@@ -10,10 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from civil_rgbd.domain.frame import EMPTY
 from civil_rgbd.domain.recipe import (
     AccumulateStage,
     DepthStage,
     ImageStage,
+    QualityStage,
     Recipe,
     VisibilityStage,
 )
@@ -248,3 +250,21 @@ def test_more_points_of_the_same_window_hide_others(window: str) -> None:
         whole = np.concatenate([*inner.segments, *rest], axis=1)
         expected = np.concatenate(outer.segments, axis=1)
         assert sorted(whole.T.tolist()) == sorted(expected.T.tolist())
+
+
+def test_a_frame_has_the_quality_planes_that_its_recipe_asks_for() -> None:
+    plain = frames()
+    recipe = replace(RECIPE, quality=QualityStage(planes=("age_s", "empty", "returns")))
+
+    for outcome, without in zip(frames(recipe), plain, strict=True):
+        assert outcome.frame is not None
+        assert without.frame is not None
+        assert without.frame.quality is None
+        assert outcome.frame.quality is not None
+        np.testing.assert_array_equal(outcome.frame.depth_m, without.frame.depth_m)
+        measured = outcome.frame.depth_m > 0
+        planes = outcome.frame.quality
+        assert set(planes["empty"][measured]) == {EMPTY["depth"]}
+        assert set(planes["empty"][~measured]) == {EMPTY["hidden"]}
+        assert set(planes["age_s"][measured]) == {0.5}  # the scan was half a second before
+        assert (planes["returns"] == 1).all()

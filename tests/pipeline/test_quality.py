@@ -1,0 +1,183 @@
+"""Quality planes: calibrated on walls whose noise is known, and right by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from civil_rgbd.domain.frame import EMPTY, QUALITY_PLANES
+from civil_rgbd.domain.recipe import DepthStage, QualityStage
+from civil_rgbd.geometry.camera import PinholeCamera
+from civil_rgbd.pipeline.accumulate import PointWindow
+from civil_rgbd.pipeline.quality import quality_planes
+from civil_rgbd.pipeline.render import render_depth
+from civil_rgbd.pipeline.winners import Winners, find_winners
+
+CAMERA = PinholeCamera(160, 120, 130.0, 130.0, 79.5, 59.5)
+LIMITS = DepthStage(min_m=0.5, max_m=200.0, step_m=0.0)
+STAGE = QualityStage(weak_noise_share=0.0, slant_noise_rad=0.0)
+EYE = np.eye(4)
+ALL = np.ones((120, 160), dtype=np.bool_)
+
+
+def window_of(points: NDArray[np.floating], stamps_ns: NDArray[np.int64]) -> PointWindow:
+    segment = np.ascontiguousarray(points.T.astype(np.float32))
+    return PointWindow([segment], [stamps_ns], [(0, 0, len(points))])
+
+
+def wall(
+    count: int, tangent: float, noise_m: float
+) -> tuple[PointWindow, NDArray[np.float64], NDArray[np.float64]]:
+    """Returns from a wall 8 m away that turns about the vertical; and their rays' true depths."""
+    rng = np.random.default_rng(3)
+    x, y = rng.uniform([[-0.5], [-0.4]], [[0.5], [0.4]], (2, count))
+    truth_m = 8.0 / (1 + tangent * x)
+    ray = np.sqrt(1 + x**2 + y**2)
+    depth_m = truth_m + noise_m / ray * rng.standard_normal(count)  # noise along the ray
+    points = np.stack([x, y, np.ones(count)], axis=1) * depth_m[:, np.newaxis]
+    return window_of(points, np.arange(count, dtype=np.int64)), truth_m, depth_m
+
+
+def planes_of(
+    window: PointWindow, stage: QualityStage = STAGE, limits: DepthStage = LIMITS
+) -> tuple[dict[str, NDArray[np.float16]], NDArray[np.float32], Winners]:
+    depth_m = render_depth(window.segments, T_camera_local=EYE, camera=CAMERA, stage=limits).depth_m
+    winners = find_winners(window, T_camera_local=EYE, camera=CAMERA, limits=limits)
+    planes = quality_planes(
+        depth_m,
+        winners,
+        ages_s=np.concatenate(window.stamps_ns) / 1e3 - 0.5,
+        before_m=depth_m,
+        exists=ALL,
+        camera=CAMERA,
+        depth=limits,
+        stage=stage,
+    )
+    return dict(planes), depth_m, winners
+
+
+@pytest.mark.parametrize("tangent", [0.0, 0.7, 1.8])
+@pytest.mark.parametrize("count", [4_000, 25_000, 120_000])
+def test_errors_are_as_large_as_expected_however_many_returns_compete(
+    count: int, tangent: float
+) -> None:
+    window, truth_m, _ = wall(count, tangent, noise_m=0.02)
+
+    planes, depth_m, winners = planes_of(window)
+
+    won = winners.point >= 0
+    error = depth_m[won] - truth_m[winners.point[won]]
+    z = (error - planes["bias_m"][won]) / planes["sigma_m"][won]
+    for low, high in ((1, 1), (2, 3), (4, 99)):
+        some = z[(planes["returns"][won] >= low) & (planes["returns"][won] <= high)]
+        if len(some) > 500:
+            assert abs(np.median(some)) < 0.3
+            assert 0.8 < 1.4826 * np.median(np.abs(some - np.median(some))) < 1.25
+            assert (np.abs(some) > 3).mean() < 0.01
+
+
+def test_the_nearest_of_many_returns_is_too_near_by_the_stored_bias() -> None:
+    window, truth_m, _ = wall(120_000, 0.0, noise_m=0.02)
+
+    planes, depth_m, winners = planes_of(window)
+
+    many = planes["returns"] >= 6
+    error = depth_m[many] - truth_m[winners.point[many]]
+    assert np.median(error) < -0.02  # more than one sigma
+    assert np.median(planes["bias_m"][many]) == pytest.approx(np.median(error), rel=0.15)
+    assert not planes["bias_m"][planes["returns"] <= 1].any()
+
+
+def test_sigma_grows_with_range_and_slant_as_the_recipe_says() -> None:
+    window, _, _ = wall(25_000, 1.8, noise_m=0.0)
+    far = window_of(window.segments[0].T * 4, window.stamps_ns[0])
+    slanting = replace(STAGE, slant_noise_rad=0.002)
+    weak = replace(STAGE, weak_noise_share=0.002)
+
+    def middle(of: PointWindow, stage: QualityStage) -> float:
+        planes, _, _ = planes_of(of, stage)
+        alone = (planes["returns"] == 1) & (np.abs(np.arange(160) - 79.5) < 8)
+        return float(np.median(planes["sigma_m"][alone]))
+
+    assert middle(window, STAGE) == pytest.approx(0.02, rel=0.05)
+    assert middle(far, STAGE) == pytest.approx(0.02, rel=0.05)
+    # Where the ray is the axis, the tangent is that of the wall.
+    assert middle(window, slanting) == pytest.approx(np.hypot(0.02, 0.002 * 8 * 1.8), rel=0.1)
+    assert middle(far, slanting) == pytest.approx(np.hypot(0.02, 0.002 * 32 * 1.8), rel=0.1)
+    cosine = 1 / np.hypot(1, 1.8)
+    expected = np.hypot(0.02, 0.002 * 32 / np.sqrt(cosine))
+    assert middle(far, weak) == pytest.approx(expected, rel=0.1)
+
+
+def test_poses_and_rounding_count_as_noise() -> None:
+    window, _, _ = wall(4_000, 0.0, noise_m=0.0)
+
+    planes, _, _ = planes_of(
+        window, replace(STAGE, pose_noise_m=0.03), replace(LIMITS, step_m=0.0625)
+    )
+
+    alone = planes["returns"] == 1
+    expected = np.sqrt(0.02**2 + 0.03**2 + 0.0625**2 / 12)
+    assert np.median(planes["sigma_m"][alone]) == pytest.approx(expected, rel=0.05)
+
+
+def test_the_age_is_that_of_the_winning_return_and_signed() -> None:
+    points = np.array([[0, 0, 8.0], [0, 0, 4.0], [1, 0, 4.0]])
+    window = window_of(points, np.array([0, 250, 1250], dtype=np.int64))
+
+    planes, depth_m, _ = planes_of(window)
+
+    assert sorted(planes["age_s"][depth_m > 0].tolist()) == [-0.25, 0.75]
+    assert not planes["age_s"][depth_m == 0].any()
+
+
+def test_every_empty_pixel_says_why() -> None:
+    points = np.array([[0, 0, 4.0], [1, 0, 4.0], [0, 60.0, 300.0], [0, -1, 4.0]])
+    window = window_of(points, np.zeros(4, dtype=np.int64))
+    drawn = render_depth(window.segments, T_camera_local=EYE, camera=CAMERA, stage=LIMITS).depth_m
+    winners = find_winners(window, T_camera_local=EYE, camera=CAMERA, limits=LIMITS)
+    (top, middle, right) = np.argwhere(drawn > 0)
+    kept, exists = drawn.copy(), ALL.copy()
+    kept[tuple(right)] = 0
+    exists[tuple(top)], kept[tuple(top)] = False, 0
+
+    planes = quality_planes(
+        kept,
+        winners,
+        ages_s=np.zeros(4),
+        before_m=np.where(exists, drawn, np.float32(0)),
+        exists=exists,
+        camera=CAMERA,
+        depth=LIMITS,
+        stage=STAGE,
+    )
+
+    empty = planes["empty"]
+    assert empty[tuple(middle)] == EMPTY["depth"]
+    assert empty[tuple(right)] == EMPTY["hidden"]
+    assert empty[tuple(top)] == EMPTY["no-source"]
+    assert np.count_nonzero(empty == EMPTY["out-of-range"]) == 1
+    assert np.count_nonzero(empty == EMPTY["no-return"]) == 120 * 160 - 4
+    assert planes["returns"][tuple(right)] == 1
+    assert planes["sigma_m"][tuple(right)] == 0
+
+
+def test_only_the_planes_that_were_asked_for_are_made() -> None:
+    window, _, _ = wall(100, 0.0, noise_m=0.0)
+
+    planes, _, _ = planes_of(window, replace(STAGE, planes=("returns", "age_s")))
+
+    assert list(planes) == ["age_s", "returns"]
+    assert {plane.dtype for plane in planes.values()} == {np.dtype(np.float16)}
+
+
+def test_a_frame_without_points_has_planes_all_the_same() -> None:
+    planes, _, _ = planes_of(PointWindow([], [np.zeros(0, dtype=np.int64)], []))
+
+    assert list(planes) == list(QUALITY_PLANES)
+    assert (planes["empty"] == EMPTY["no-return"]).all()
+    assert not planes["sigma_m"].any()
+    assert not any(np.signbit(plane).any() for plane in planes.values())
