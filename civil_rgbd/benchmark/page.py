@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from civil_rgbd.benchmark.cells import Cell, model_of, split_of
 from civil_rgbd.benchmark.charts import range_chart, shots_chart
 from civil_rgbd.benchmark.pictures import depth_uri, error_scale_uri, error_uri, photo_uri
-from civil_rgbd.benchmark.protocol import SAME
+from civil_rgbd.benchmark.protocol import SAME, TESTS
 from civil_rgbd.benchmark.table import TableRow, table_markdown
 from civil_rgbd.domain.frame import FrameRow
 from civil_rgbd.evaluation.frames import open_bridges
@@ -63,6 +63,7 @@ def benchmark_page(cells: Sequence[Cell], rows: Sequence[TableRow], test_bridge:
         _legend(),
         *_predictions([cell for cell in cells if cell.request.seed == cells[0].request.seed]),
     ]
+    parts += ["<h2>What each number rests on</h2>", *_details(cells)]
     body = "\n".join(parts)
     return (
         '<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8">'
@@ -81,12 +82,16 @@ def _legend() -> str:
 def _table(markdown: str) -> str:
     lines = markdown.splitlines()
     table = [line.strip("| ").split(" | ") for line in lines if line.startswith("|")]
-    head = "".join(f"<th>{escape(cell)}</th>" for cell in table[0])
+    return f"{_html_table([table[0], *table[2:]])}<p>{escape(lines[-1])}</p>"
+
+
+def _html_table(lines: Sequence[Sequence[str]]) -> str:
+    head = "".join(f"<th>{escape(cell)}</th>" for cell in lines[0])
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
-        for cells in table[2:]
+        for cells in lines[1:]
     )
-    return f"<table><tr>{head}</tr>{body}</table><p>{escape(lines[-1])}</p>"
+    return f"<table><tr>{head}</tr>{body}</table>"
 
 
 def _ranges(row: TableRow, cells: Sequence[Cell]) -> dict[str, float | None]:
@@ -97,6 +102,25 @@ def _ranges(row: TableRow, cells: Sequence[Cell]) -> dict[str, float | None]:
         for cell in own
     ]
     return {name: _mean_of(spans, name) for name in spans[0]}
+
+
+_COUNTED: Final = ("clamped_low", "clamped_high", "prediction_nan", "prediction_infinite")
+
+
+def _details(cells: Sequence[Cell]) -> Iterator[str]:
+    """What was scored in each cell, what was not as it came, and the hash of its split."""
+    settings = [setting for cell in cells for setting in cell.settings]
+    yield f"<p>Settings: {escape(', '.join(dict.fromkeys(settings)) or 'none')}.</p>"
+    head = ["Model", "seed", "shots", *(f"frames {test}" for test in TESTS), "pixels same"]
+    lines = [[*head, *(name.replace("_", " ") for name in _COUNTED), "split"]]
+    for cell in cells:
+        document = json.loads((cell.folder / RESULTS).read_text("utf-8"))
+        counts = {test: document["tests"][test]["counts"] for test in TESTS}
+        frames = [one["images"] - one["images_skipped"] for one in counts.values()]
+        same = [counts[SAME][name] for name in ("pixels", *_COUNTED)]
+        numbers = map(str, (cell.request.seed, cell.request.shots, *frames, *same))
+        lines.append([cell.name, *numbers, document["split"]["sha256"][:12]])
+    yield f'<div class="wide">{_html_table(lines)}</div>'
 
 
 def _mean_of(spans: Sequence[Mapping[str, Any]], name: str) -> float | None:

@@ -13,6 +13,7 @@ from civil_rgbd.format.images import encode_image
 
 _DEPTHS: Final = cv2.COLORMAP_VIRIDIS
 _ERRORS: Final = cv2.COLORMAP_JET  # dark blue is low, red is high: the paper's Figure 6
+_RED: Final = 223  # of that map: beyond it grows dark again
 _EMPTY: Final = 40  # grey of pixels without truth
 _WIDTH_PX: Final = 384
 
@@ -57,12 +58,16 @@ def _coloured(
     share: NDArray[np.floating], there: NDArray[np.bool_], colours: int, *, grow: bool = True
 ) -> NDArray[np.uint8]:
     """Colour shares of 0 to 1; a lone pixel covers its empty neighbours, or nobody would see it."""
-    levels = np.clip(255 * share, 0, 255).astype(np.uint8)
+    top = _RED if colours == _ERRORS else 255
+    levels = np.clip(top * share, 0, top).astype(np.uint8)
     if grow:
-        kernel = np.ones((3, 3), np.uint8)
-        spread = cv2.dilate(np.where(there, levels, 0).astype(np.uint8), kernel)
+        known = cv2.boxFilter(there.astype(np.float32), -1, (3, 3), normalize=False)
+        lone = np.where(there, levels, 0).astype(np.float32)
+        total = cv2.boxFilter(lone, -1, (3, 3), normalize=False)
+        # The mean of its neighbours: the largest would paint sparse truth redder than its metric.
+        spread = total / np.maximum(known, 1)
         levels = np.where(there, levels, spread).astype(np.uint8)
-        there = cv2.dilate(there.astype(np.uint8), kernel) > 0
+        there = known > 0
     rgb = cv2.applyColorMap(levels, colours)[..., ::-1]
     painted = np.where(there[..., np.newaxis], rgb, np.uint8(_EMPTY)).astype(np.uint8)
     return _sized(painted, cv2.INTER_NEAREST) if grow else painted

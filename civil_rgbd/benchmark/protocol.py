@@ -96,7 +96,7 @@ def draw_split(bridges: Mapping[str, Bridge], request: ShotRequest, *, where: ob
     """
     test = request.test_bridge
     require_bridge(test, bridges, where=where)
-    others = {name: ids for name, ids in all_frames(bridges).items() if name != test and ids}
+    others = {name: ids for name, ids in all_frames(bridges).items() if name != test}
     if not others:
         raise UsageError(
             f"no bridge is left to train with: {test!r} is the only one with frames",

@@ -160,7 +160,16 @@ def cells_of(job: BenchmarkJob, options: BenchmarkOptions) -> list[Cell]:
 
 
 def _refuse_early(cells: Sequence[Cell]) -> None:
-    """Find what cannot work before hours of training: splits, recipes, models."""
+    """Find what cannot work before hours of training: names, splits, recipes, models."""
+    models = {cell.folder.parents[1]: cell.model for cell in cells}
+    for cell in cells:
+        other = models[cell.folder.parents[1]]
+        if other != cell.model:
+            raise UsageError(
+                f"{cell.model!r} and {other!r} would have one name in the table, {cell.name!r}",
+                where="--models",
+                fix="give one of the files another name",
+            )
     for request in {cell.request for cell in cells}:
         split_of(replace(cells[0], request=request))
     for model in {cell.model: cell for cell in cells}.values():
@@ -188,7 +197,8 @@ def _cell_key(cell: Cell) -> tuple[str, int, int]:
 
 
 def _run_all(cells: Sequence[Cell], options: BenchmarkOptions) -> Iterator[CellResult]:
-    for result in _results(cells, options.jobs):
+    # What is not trained comes first: a missing prediction is found before hours of training.
+    for result in _results(sorted(cells, key=lambda one: is_trained(one.model)), options.jobs):
         options.on_cell(result, len(cells))
         yield result
 

@@ -18,16 +18,17 @@ def open_bridges(location: Path, bridges: Iterable[str] = ()) -> dict[str, Bridg
 
     Args:
         location: a dataset folder or one bridge folder.
-        bridges: ids; none for all.
+        bridges: ids; none for all, also those without frames.
 
     Returns:
-        bridges by id, at least one.
+        bridges by id, at least one with frames.
 
     Raises:
-        UsageError: there is no whole bridge, or none of such an id, or one without frames.
+        UsageError: there is no whole bridge, or none of such an id; or one that is asked for has no
+            frames, or none of all has.
         FormatError: a document breaks the format.
     """
-    found = {}
+    bridges, found = tuple(bridges), {}
     for folder in bridge_folders(location).values():
         bridge = read_bridge(folder)
         found[bridge.manifest.info.bridge_id] = bridge
@@ -37,8 +38,10 @@ def open_bridges(location: Path, bridges: Iterable[str] = ()) -> dict[str, Bridg
             where=location,
             fix=f"build one: `civil-rgbd build --recipe 250k --out {location} RECORDING`",
         )
-    wanted = tuple(bridges) or tuple(found)
-    for name in wanted:
+    wanted = bridges or tuple(found)
+    # One empty bridge of a dataset is no reason not to use the others.
+    with_frames = [name for name in wanted if name in found and found[name].rows]
+    for name in bridges or (() if with_frames else wanted):
         require_bridge(name, found, where=location)
     return {name: found[name] for name in sorted(wanted)}
 
@@ -60,8 +63,10 @@ def require_bridge(name: str, found: Mapping[str, Bridge], *, where: object) -> 
 
 
 def all_frames(bridges: Mapping[str, Bridge]) -> FramesOf:
-    """Return the ids of all frames by bridge."""
-    return {name: tuple(row.frame_id for row in one.rows) for name, one in bridges.items()}
+    """Return the ids of all frames by bridge; bridges without frames are left out."""
+    return {
+        name: tuple(row.frame_id for row in one.rows) for name, one in bridges.items() if one.rows
+    }
 
 
 def rows_of(

@@ -10,9 +10,12 @@ from typing import Any
 import pytest
 
 from civil_rgbd.benchmark.protocol import APART, REMAINDER, SAME, ShotRequest, draw_split
+from civil_rgbd.domain.bridge import Counts
 from civil_rgbd.domain.split import Split
 from civil_rgbd.errors import UsageError
+from civil_rgbd.evaluation.frames import all_frames, open_bridges
 from civil_rgbd.format.reader import Bridge, read_bridge
+from civil_rgbd.format.writer import finish_bridge
 
 from ..dataset.conftest import b1_frames, write_bridge
 
@@ -52,6 +55,34 @@ def bridges(template: Bridge) -> dict[str, Bridge]:
 
 def draw(bridges: dict[str, Bridge], shots: int, seed: int = 0, draw: int = 30) -> Split:
     return draw_split(bridges, ShotRequest("B3", shots, seed, draw), where="data")
+
+
+def test_a_bridge_without_frames_hinders_nobody_else(tmp_path: Path) -> None:
+    write_bridge(tmp_path / "data" / "bridges" / "B1", b1_frames())
+    write_bridge(tmp_path / "data" / "bridges" / "B2", b1_frames())
+    _empty(tmp_path / "data" / "bridges" / "B2")
+    found = open_bridges(tmp_path / "data")
+
+    assert list(all_frames(found)) == ["B1"]
+    with pytest.raises(UsageError, match="bridge 'B2' has no frames"):
+        open_bridges(tmp_path / "data", ["B2"])
+    with pytest.raises(UsageError, match="bridge 'B2' has no frames"):
+        draw_split(found, ShotRequest("B2", 0, 0, 1), where="data")
+    _empty(tmp_path / "data" / "bridges" / "B1")
+    with pytest.raises(UsageError, match="bridge 'B1' has no frames"):
+        open_bridges(tmp_path / "data")
+
+
+def _empty(folder: Path) -> None:
+    """Take every frame out of a bridge's documents."""
+    import shutil
+
+    bridge = read_bridge(folder)
+    shutil.rmtree(folder)
+    partial = folder.with_name("partial")
+    partial.mkdir()
+    manifest = replace(bridge.manifest, counts=Counts(images_seen=6, frames_kept=0))
+    finish_bridge(partial, folder, manifest=manifest, camera=bridge.camera, rows=[], replace=False)
 
 
 def test_without_shots_only_other_bridges_train(bridges: dict[str, Bridge]) -> None:

@@ -179,13 +179,32 @@ def test_a_run_that_has_seen_the_test_bridge_is_told_from_others(
 def test_the_page_shows_table_curves_and_predictions_and_asks_nobody(job: BenchmarkJob) -> None:
     page = (job.out / "index.html").read_text("utf-8")
 
+    results = json.loads(
+        (job.out / "cells/bts-small/seed-1/shots-2/results.json").read_text("utf-8")
+    )
+    apart = results["tests"]["apart"]["counts"]["images"]
     assert page.count("<svg") == 2
     assert page.count('class="row"') == 2 + 2 * 3  # image, truth; depth and error of three cells
     assert page.count("data:image/png;base64,") == 1 + 3 * (2 + 2 * 3)
     assert "TenMetres, 0 shots: AbsRel" in page
+    assert "Settings: model_options.features=16, " in page
+    split = read_split(job.out / "cells/bts-small/seed-1/shots-2/split.json").sha256()
+    assert f"<td>1</td><td>2</td><td>3</td><td>3</td><td>{apart}</td>" in page
+    assert f"<td>{split[:12]}</td></tr>" in page
     assert not re.search(r'(src|href)="(?!data:|#)', page)
 
 
+def test_what_is_not_trained_is_scored_first(job: BenchmarkJob, tmp_path: Path) -> None:
+    (tmp_path / "none").mkdir()
+    models = ("bts-small", f"predictions:{tmp_path / 'none'}")
+    wanted = replace(job, models=models, out=tmp_path / "table")
+    with pytest.raises(UsageError, match="there is no prediction of frame"):
+        run_benchmark(wanted, QUIET)
+
+    assert not list((tmp_path / "table").rglob("model.pt"))
+
+
+@pytest.mark.slow
 def test_two_at_a_time_give_the_same_table(job: BenchmarkJob, tmp_path: Path) -> None:
     # One cell is left to do: that a worker process finds its way is what is asked.
     shutil.copytree(job.out, tmp_path / "table")
@@ -208,6 +227,7 @@ def test_other_numbers_in_the_same_folder_are_refused(job: BenchmarkJob) -> None
         ({"shots": (0, 5), "draw": None}, UsageError, "has 5 frames; drawing 30 of them"),
         ({"models": ("bst-small",)}, UsageError, "there is no such model: 'bst-small'"),
         ({"models": ("bst.toml",)}, RecipeError, "the recipe file cannot be read"),
+        ({"models": ("a/x.toml", "b/x.toml")}, UsageError, "would have one name in the table, 'x'"),
         ({"seeds": 0}, UsageError, "0 seeds and 1 jobs make no table"),
         ({"models": ()}, UsageError, "0 models"),
     ],
