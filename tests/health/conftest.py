@@ -1,4 +1,4 @@
-"""A short simulated walk on disk, with sensors that turn to and fro."""
+"""A short simulated walk on disk, with sensors that turn left and right."""
 
 from __future__ import annotations
 
