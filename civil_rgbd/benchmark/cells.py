@@ -23,8 +23,9 @@ from civil_rgbd.evaluation.run import EvaluationOptions, evaluate
 from civil_rgbd.format.atomic import writing
 from civil_rgbd.format.content import frames_sha256
 from civil_rgbd.format.split_files import write_split
+from civil_rgbd.training.identity import SPLIT
 from civil_rgbd.training.recipe_files import load_training_recipe, training_recipe_texts
-from civil_rgbd.training.run import SPLIT, TrainingJob, TrainingOptions, train
+from civil_rgbd.training.run import TrainingJob, TrainingOptions, train
 
 
 @dataclass(frozen=True, slots=True)

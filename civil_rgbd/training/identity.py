@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from civil_rgbd.baselines.model import MODEL_FILE
 from civil_rgbd.domain.split import Split
@@ -13,7 +14,11 @@ from civil_rgbd.format.content import frames_sha256
 from civil_rgbd.format.hashes import file_sha256
 from civil_rgbd.format.layout import bridge_folders
 from civil_rgbd.format.reader import Bridge, read_bridge
+from civil_rgbd.format.split_files import read_split
 from civil_rgbd.training.recipe import TrainingRecipe
+
+SPLIT: Final = "split.json"
+"""The frames that train and that are scored, in a run's folder."""
 
 
 def run_identity(
@@ -61,6 +66,21 @@ def weights_file(weights: Path) -> Path:
     if not file.is_file():
         raise UsageError("there are no weights", where=file, fix="check the path of --from")
     return file
+
+
+def warn_of_leakage(weights: Path, split: Split) -> None:
+    """Warn when the run that weights come from was trained with frames that are scored now."""
+    path = weights_file(weights).parent / SPLIT
+    if not path.is_file():
+        return
+    before = read_split(path).train
+    leaked = sum(len({*ids} & {*before.get(name, ())}) for name, ids in split.scored().items())
+    if leaked:
+        warnings.warn(
+            f"{weights} was trained with {leaked} frames that are scored of this run: its weights "
+            "have seen them",
+            stacklevel=3,
+        )
 
 
 def training_bridges(data: Path, split: Split) -> dict[str, Bridge]:

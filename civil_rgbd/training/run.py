@@ -28,9 +28,11 @@ from civil_rgbd.training.checkpoint import (
 )
 from civil_rgbd.training.frames import TrainingFrames, load_batches
 from civil_rgbd.training.identity import (
+    SPLIT,
     refuse_nothing_to_learn,
     run_identity,
     training_bridges,
+    warn_of_leakage,
     weights_file,
 )
 from civil_rgbd.training.journal import BOARD, STEPS, Journal, StepRecord, read_steps
@@ -42,9 +44,6 @@ from civil_rgbd.training.recipe import TrainingRecipe
 
 RUN: Final = "run.json"
 """What a run is: recipe, seed, split."""
-
-SPLIT: Final = "split.json"
-"""The frames that train and that are scored."""
 
 _OWN_FILES: Final = (MODEL_FILE, CHECKPOINT, STEPS, SPLIT, RUN)
 
@@ -143,6 +142,8 @@ def train(job: TrainingJob, options: TrainingOptions | None = None) -> TrainingR
             bridges=bridges,
         )
         if processes.is_first:
+            if job.weights is not None:
+                warn_of_leakage(job.weights, job.split)
             _prepare_folder(job, identity, overwrite=options.overwrite)
         processes.wait()
         frames = TrainingFrames(job.data, job.split.train, job.recipe, seed=job.seed)

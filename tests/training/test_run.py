@@ -241,6 +241,16 @@ def test_training_can_start_from_another_run(learnable: Path, tmp_path: Path) ->
             torch.testing.assert_close(first[name], second[name], rtol=1e-5, atol=1e-6)
 
 
+def test_weights_that_have_seen_what_is_scored_are_warned_of(
+    learnable: Path, tmp_path: Path
+) -> None:
+    train(job(learnable, tmp_path / "first", "run.steps=1"), QUIET)
+    turned = Split(train={"B3": ids(0, 1, 2, 3)}, tests={"all": {"B1": ids(1, 2)}})
+    wanted = job(learnable, tmp_path / "second", "run.steps=1", split=turned)
+    with pytest.warns(UserWarning, match="was trained with 2 frames that are scored of this run"):
+        train(replace(wanted, weights=tmp_path / "first"), QUIET)
+
+
 def test_a_loss_that_is_not_finite_names_the_frames(learnable: Path, tmp_path: Path) -> None:
     wanted = job(learnable, tmp_path / "run", "run.steps=20", "optimiser.learning_rate=1e30")
     with pytest.raises(TrainingError, match="the training diverged") as caught:
