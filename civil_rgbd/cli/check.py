@@ -87,6 +87,8 @@ def gather(
     Raises:
         CivilRgbdError: it cannot be read, or lacks more than poses.
     """
+    from concurrent.futures import ThreadPoolExecutor
+
     from civil_rgbd.converters import can_inspect, inspect_recording, open_recording
     from civil_rgbd.errors import CivilRgbdError
     from civil_rgbd.health.check import CheckInput
@@ -94,17 +96,21 @@ def gather(
     from civil_rgbd.storage.places import place_of
 
     source, options = sources[0], replace(options, more_files=tuple(map(place_of, sources[1:])))
-    summary = inspect_recording(source, options) if can_inspect(source) else None
-    said = findings_of(summary, options) if summary is not None else ()
-    try:
-        recording, posed = open_recording(source, options), True
-    except CivilRgbdError as error:
+    # Both walk the whole file, and let go of the interpreter while they unpack it.
+    with ThreadPoolExecutor(1) as second:
+        inspected = (
+            second.submit(inspect_recording, source, options) if can_inspect(source) else None
+        )
         try:
-            recording, posed = open_recording(source, _standing_still(options)), False
-        except CivilRgbdError:
-            raise error from None  # what is missing beside poses is said first
-    imu = _imu_stamps_ns(source, options) if summary is None or summary.of_role("imu") else None
-    return CheckInput(recording, posed, summary, options, imu), _not_said_twice(said)
+            recording, posed = open_recording(source, options), True
+        except CivilRgbdError as error:
+            try:
+                recording, posed = open_recording(source, _standing_still(options)), False
+            except CivilRgbdError:
+                raise error from None  # what is missing beside poses is said first
+        summary = inspected.result() if inspected is not None else None
+    said = findings_of(summary, options) if summary is not None else ()
+    return CheckInput(recording, posed, summary, options), _not_said_twice(said)
 
 
 def _standing_still(options: RecordingOptions) -> RecordingOptions:
@@ -116,16 +122,6 @@ def _standing_still(options: RecordingOptions) -> RecordingOptions:
     stamps_ns = np.array([-(10**18), 4 * 10**18], dtype=np.int64)
     still = Trajectory(stamps_ns, np.zeros((2, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (2, 1)))
     return replace(options, trajectory=still, pose_of="lidar", pose_topic=None)
-
-
-def _imu_stamps_ns(source: str, options: RecordingOptions):  # type: ignore[no-untyped-def]  # noqa: ANN202  # numpy's names would be imported for it
-    from civil_rgbd.converters import open_motion
-    from civil_rgbd.errors import CivilRgbdError
-
-    try:
-        return open_motion(source, options).imu.stamps_ns
-    except CivilRgbdError:
-        return None  # the figures say what could be measured
 
 
 def _not_said_twice(said: tuple[Finding, ...]) -> tuple[Finding, ...]:

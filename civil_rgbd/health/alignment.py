@@ -28,6 +28,13 @@ _REACH_RAD: Final = math.radians(3.0)
 _COARSE_RAD: Final = math.radians(0.5)
 _FINE_RAD: Final = math.radians(0.02)
 _GROUPS: Final = 4
+_TOPS: Final = 5
+_RIVAL_RAD: Final = math.radians(0.4)
+_LEAD_SIGMAS: Final = 3.0
+_FEWEST_OF_A_PICTURE: Final = 30
+_EXPECTED_RAD: Final = math.radians(0.15)
+_ODDITY_COSTS: Final = 0.01
+_ODD: Final = 9.0
 _SURE_RAD: Final = math.radians(0.15)
 _LEAST_CONTRAST: Final = 1.15
 
@@ -61,11 +68,17 @@ class Alignment:
         return math.sqrt(sum(part * part for part in self.turn_deg))
 
 
-def align(edges: DepthEdges, *, reach_rad: float = _REACH_RAD) -> Alignment:
+def align(
+    edges: DepthEdges,
+    expected: tuple[Floats, Floats] | None = None,
+    *,
+    reach_rad: float = _REACH_RAD,
+) -> Alignment:
     """Search the turn of the camera under which the depth edges lie on the pictures' edges.
 
     Args:
-        edges: from :func:`depth_edges`.
+        edges: from :func:`civil_rgbd.health.depth_edges.depth_edges`.
+        expected: the turn (3,) that is known otherwise, rad, and its standard errors (3,).
         reach_rad: how far about each axis.
     """
     if len(edges.rays) < _FEWEST_EDGES:
@@ -74,12 +87,14 @@ def align(edges: DepthEdges, *, reach_rad: float = _REACH_RAD) -> Alignment:
         )
     coarse, fine = _edge_maps(edges.pictures)
     everything = np.ones(len(edges.rays), dtype=np.bool_)
-    best = _finest(edges, fine, _coarsest(edges, coarse, reach_rad), everything)
+    search = _Search(edges, fine, *_softened(expected))
+    starts = _tops(_Search(edges, coarse, search.expected, search.sigma), reach_rad)
+    tops = [_finest(search, start, everything) for start in (*starts, search.expected)]
+    tops.sort(key=lambda top: -float(search.worth(top[np.newaxis], everything)[0]))
+    best = tops[0]
     contrast, given = (_score(edges, fine, turn, everything) for turn in (best, np.zeros(3)))
     group = edges.picture % _GROUPS
-    others = np.array(
-        [_finest(edges, fine, best, group != left_out) for left_out in range(_GROUPS)]
-    )
+    others = np.array([_finest(search, best, group != left_out) for left_out in range(_GROUPS)])
     # Leaving out one group of four at a time: the jackknife.
     spread = (others - others.mean(axis=0)) ** 2
     sigma = math.sqrt(float(spread.sum()) * (_GROUPS - 1) / _GROUPS)
@@ -88,6 +103,8 @@ def align(edges: DepthEdges, *, reach_rad: float = _REACH_RAD) -> Alignment:
         why_not = f"the edges meet nowhere within {math.degrees(reach_rad):g} deg"
     elif contrast < _LEAST_CONTRAST:
         why_not = f"the images hardly show the depth edges: {contrast:.2f} times chance"
+    elif _rivalled(search, tops):
+        why_not = "two turns make the edges meet alike: too few of them run across"
     elif sigma > _SURE_RAD:
         why_not = f"parts of the recording disagree: +- {math.degrees(sigma):.2f} deg"
     turn = None if why_not else (*map(math.degrees, best.tolist()),)
@@ -113,25 +130,79 @@ def _edge_maps(pictures: NDArray[np.uint8]) -> tuple[NDArray[np.float32], ...]:
     return every
 
 
-def _coarsest(edges: DepthEdges, maps: NDArray[np.float32], reach_rad: float) -> Floats:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    """Edges and their maps, and what is known of the turn beside them."""
+
+    edges: DepthEdges
+    maps: NDArray[np.float32]
+    expected: Floats
+    sigma: Floats
+
+    def oddity(self, turns: Floats) -> Floats:
+        """Return how far (T, 3) turns lie from the expected one, in squared standard errors."""
+        off: Floats = (((turns - self.expected) / self.sigma) ** 2).sum(axis=-1)
+        return off
+
+    def worth(self, turns: Floats, chosen: NDArray[np.bool_]) -> Floats:
+        """Return the edge strength less what the turns' oddity costs."""
+        return _scores(self.edges, self.maps, turns, chosen) - _ODDITY_COSTS * self.oddity(turns)
+
+
+def _softened(expected: tuple[Floats, Floats] | None) -> tuple[Floats, Floats]:
+    if expected is None:
+        return np.zeros(3), np.full(3, np.inf)
+    turn, sigma = expected
+    return turn, np.maximum(1.5 * sigma, _EXPECTED_RAD)
+
+
+def _tops(search: _Search, reach_rad: float) -> list[Floats]:
+    """Return the best turns of a coarse grid that lie apart."""
     steps = np.arange(-reach_rad, reach_rad + 1e-9, _COARSE_RAD)
     rolls = np.arange(-reach_rad, reach_rad + 1e-9, 2 * _COARSE_RAD)
     turns = np.array([(x, y, z) for x in steps for y in steps for z in rolls])
-    some = np.arange(len(edges.rays)) % max(1, len(edges.rays) // 6_000) == 0
-    scores = _scores(edges, maps, turns, some)
-    best: Floats = turns[int(scores.argmax())]
-    return best
+    count = len(search.edges.rays)
+    scores = search.worth(turns, np.arange(count) % max(1, count // 6_000) == 0)
+    found: list[Floats] = []
+    for at in np.argsort(-scores).tolist():
+        if all(_apart(turns[at], other) > 2 * _RIVAL_RAD for other in found):
+            found.append(turns[at])
+        if len(found) == _TOPS:
+            break
+    return found
 
 
-def _finest(
-    edges: DepthEdges, maps: NDArray[np.float32], start: Floats, chosen: NDArray[np.bool_]
-) -> Floats:
+def _apart(turn: Floats, other: Floats) -> float:
+    # The roll is coarser in the grid, and moves the edges near the middle hardly at all.
+    off = (turn - other) * np.array([1.0, 1.0, 0.5])
+    return float(np.sqrt((off**2).sum()))
+
+
+def _rivalled(search: _Search, tops: list[Floats]) -> bool:
+    """Whether a turn that lies apart from the best one fits about as well, picture by picture."""
+    edges, maps = search.edges, search.maps
+    pictures = [edges.picture == number for number in range(len(edges.pictures))]
+    pictures = [chosen for chosen in pictures if chosen.sum() >= _FEWEST_OF_A_PICTURE]
+    if len(pictures) < _GROUPS:
+        return True
+    best = np.array([_score(edges, maps, tops[0], chosen) for chosen in pictures])
+    for other in tops[1:]:
+        odd = search.oddity(other) - search.oddity(tops[0]) > _ODD
+        if _apart(tops[0], other) > _RIVAL_RAD and not odd:
+            lead = best - [_score(edges, maps, other, chosen) for chosen in pictures]
+            # Pictures of one stretch are much the same: their mean is less sure than its error.
+            if lead.mean() < _LEAD_SIGMAS * lead.std() / math.sqrt(len(lead)):
+                return True
+    return False
+
+
+def _finest(search: _Search, start: Floats, chosen: NDArray[np.bool_]) -> Floats:
     """Climb from a start: all neighbours at a step, halved when none is better."""
     cube = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
-    best, step, score = start, _COARSE_RAD / 2, -1.0
+    best, step, score = start, _COARSE_RAD / 2, -np.inf
     while step > _FINE_RAD:
         turns = best + step * cube
-        scores = _scores(edges, maps, turns, chosen)
+        scores = search.worth(turns, chosen)
         at = int(scores.argmax())
         if scores[at] > score + 1e-9 and at != len(cube) // 2:
             best, score = turns[at], float(scores[at])
@@ -165,7 +236,7 @@ def _sum_edges(rays, upright, picture, maps, turns, K, scores):  # type: ignore[
     for n in range(len(turns)):
         # The camera turns by it, so the directions turn back: first order is enough here.
         a, b, c = -turns[n, 0], -turns[n, 1], -turns[n, 2]
-        total, count = 0.0, 0
+        total, count = np.zeros(2), np.zeros(2)
         for i in range(len(rays)):
             x, y = rays[i, 0], rays[i, 1]
             z = 1.0 + a * y - b * x
@@ -174,9 +245,12 @@ def _sum_edges(rays, upright, picture, maps, turns, K, scores):  # type: ignore[
             left, top = math.floor(u), math.floor(v)
             if left < 0 or top < 0 or left >= width - 1 or top >= height - 1:
                 continue
-            layer = maps[0 if upright[i] else 1, picture[i]]
+            axis = 0 if upright[i] else 1
+            layer = maps[axis, picture[i]]
             du, dv = u - left, v - top
-            total += (1 - dv) * ((1 - du) * layer[top, left] + du * layer[top, left + 1])
-            total += dv * ((1 - du) * layer[top + 1, left] + du * layer[top + 1, left + 1])
-            count += 1
-        scores[n] = total / max(count, 1)
+            total[axis] += (1 - dv) * ((1 - du) * layer[top, left] + du * layer[top, left + 1])
+            total[axis] += dv * ((1 - du) * layer[top + 1, left] + du * layer[top + 1, left + 1])
+            count[axis] += 1
+        # Both count alike: level edges are few beside tall piers, but they alone hold the pitch.
+        share = np.sqrt(count)
+        scores[n] = (share * total / np.maximum(count, 1)).sum() / max(share.sum(), 1.0)

@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from civil_rgbd.domain.inspection import RecordingSummary
+from civil_rgbd.domain.inspection import RecordingSummary, TopicSummary
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording, RecordingOptions
 from civil_rgbd.errors import RecordingError
@@ -24,11 +23,11 @@ from civil_rgbd.health.direction import compare_directions
 from civil_rgbd.health.inspection import choose
 from civil_rgbd.health.pictures import look_at_pictures, picture_figures
 from civil_rgbd.health.rates import drift_figure as clock_figure
-from civil_rgbd.health.rates import rate_figures
+from civil_rgbd.health.rates import rate_figures, timing_figures
 from civil_rgbd.health.sampling import stretches_of, viewer_of
 from civil_rgbd.health.steadiness import drift_figure, jump_figures
 from civil_rgbd.health.tracks import tracks_of
-from civil_rgbd.health.turning import TimeOffset, time_offset
+from civil_rgbd.health.turning import TimeOffset, time_offset, turn_of_mounting
 
 _NO_POSES = "the recording has no poses yet"
 _OF_POSES = ("pose-rate", "pose-gap", "pose-jump", "pose-jerk", "time-offset", "extrinsics",
@@ -46,14 +45,12 @@ class CheckInput:
         posed: whether it has poses.
         summary: what it holds; None of sources that are not inspected.
         options: with which it was opened.
-        imu_stamps_ns: (M,) int64; None without an IMU.
     """
 
     recording: Recording
     posed: bool
     summary: RecordingSummary | None
     options: RecordingOptions
-    imu_stamps_ns: NDArray[np.int64] | None = None
 
 
 def check_recording(given: CheckInput, recipe: Recipe) -> tuple[Figure, ...]:
@@ -77,15 +74,15 @@ def _rates(given: CheckInput) -> Iterator[Figure]:
     recording = given.recording
     yield from rate_figures("lidar", recording.scan_stamps_ns)
     yield from rate_figures("image", recording.image_stamps_ns)
-    if given.imu_stamps_ns is not None:
-        yield from rate_figures("imu", given.imu_stamps_ns)
-    topics = {}
+    topics: dict[str, TopicSummary] = {}
     if given.summary is not None:
         chosen = choose(given.summary, given.options)
         imu = tuple(given.summary.of_role("imu"))
         for role, found in (("lidar", chosen.lidars), ("image", chosen.images), ("imu", imu)):
             if len(found) == 1:
                 topics[role] = found[0]
+    if "imu" in topics and topics["imu"].stamped is not None:
+        yield from timing_figures("imu", topics["imu"].messages, topics["imu"].stamped)
     yield clock_figure(given.summary, topics)
 
 
@@ -112,14 +109,16 @@ def _mounting(given: CheckInput) -> Iterator[Figure]:
     stretches = tuple(stretches_of(recording))
     yield drift_figure(stretches)
     viewer = viewer_of(recording.rig.camera)
-    offset = time_offset(recording, tracks_of(recording, stretches, viewer))
+    tracks = tracks_of(recording, stretches, viewer)
+    offset = time_offset(recording, tracks)
     yield _offset_figure(recording, offset)
     if offset.offset_s is None:
         # Unless it turns, an image's instant and the camera's turn cannot be told apart.
         yield Figure("extrinsics", None, offset.why_not)
         yield _inverted(recording)
         return
-    alignment = align(depth_edges(recording, stretches, viewer, offset.offset_s))
+    edges = depth_edges(recording, stretches, viewer, offset.offset_s)
+    alignment = align(edges, turn_of_mounting(recording, tracks, offset.offset_s))
     yield _extrinsics_figure(recording, alignment)
     yield Figure("rig-inverted", 0.0) if alignment.turn_deg else _inverted(recording)
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from civil_rgbd.constants import NS_PER_S
-from civil_rgbd.domain.inspection import RecordingSummary, TopicSummary
+from civil_rgbd.domain.inspection import RecordingSummary, Timing, TopicSummary
 from civil_rgbd.health.checks import CHECKS, Figure
 
 _CODES: Final = {
@@ -45,6 +45,29 @@ def rate_figures(role: str, stamps_ns: NDArray[np.int64]) -> Iterator[Figure]:
     longest = int(steps.argmax())
     at = f"{_seconds(ordered[longest] - ordered[0])} after the first"
     yield Figure(silence, float(steps[longest]) / NS_PER_S, at)
+
+
+def timing_figures(role: str, messages: int, timing: Timing) -> Iterator[Figure]:
+    """Judge a sensor by the summary of its stamps alone, as of topics that are not read.
+
+    Args:
+        role: lidar, image, imu or pose.
+        messages: how many there are.
+        timing: of their header stamps.
+    """
+    rate, missing, silence = _CODES[role]
+    if messages < 3 or not timing.period_ns:
+        few = f"only {messages} messages"
+        yield from (Figure(code, None, few) for code in (rate, missing, silence) if code)
+        return
+    span_ns = timing.last_ns - timing.first_ns
+    yield Figure(rate, timing.rate_hz, f"{messages} over {_seconds(span_ns)}")
+    whole = round(span_ns / timing.period_ns) + 1
+    lost = max(0, whole - messages)
+    if missing:
+        yield Figure(missing, 100 * lost / (messages + lost), f"{lost} of {messages + lost}")
+    at = f"{_seconds(timing.longest_gap_at_ns - timing.first_ns)} after the first"
+    yield Figure(silence, timing.longest_gap_ns / NS_PER_S, at)
 
 
 def _seconds(ns: float) -> str:

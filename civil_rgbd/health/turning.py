@@ -30,6 +30,7 @@ _STEP_S: Final = 0.01
 _FEWEST_TURNS: Final = 12
 _ROUNDS: Final = 2
 _DOUBT_RAD: Final = 0.05  # of the extrinsics, one sigma: they are estimated along
+_MOUNT_ROUNDS: Final = 8
 _SURE_S: Final = 0.004
 
 
@@ -191,16 +192,50 @@ def _turned(recording: Recording, turns: _Turns, shift_s: float) -> Floats:
     return rotation_vector(np.swapaxes(second, 1, 2) @ first)
 
 
+def turn_of_mounting(
+    recording: Recording, tracks: Sequence[Track], shift_s: float
+) -> tuple[Floats, Floats]:
+    """Say how the camera is turned, from how images and poses turn: about axes across the turning.
+
+    Args:
+        recording: with poses.
+        tracks: from :func:`civil_rgbd.health.tracks.tracks_of`.
+        shift_s: to be added to the images' stamps beyond what the rig says.
+
+    Returns:
+        rotation vector (3,) by which the stated camera is to be turned, and standard errors (3,).
+    """
+    turns = _turns_at(recording, tracks, shift_s)
+    said = _turned(recording, turns, shift_s)
+    rows, left = _mounting_rows(said), turns.seen_rad - said
+    mount, scale = np.zeros(3), 1.0
+    for _ in range(_MOUNT_ROUNDS):
+        size2 = ((left - rows @ mount) ** 2).sum(axis=1)
+        scale = 1.4826 * float(np.median(np.sqrt(size2))) + 1e-5
+        weight = 1 / (1 + size2 / (2 * scale) ** 2)
+        normal = np.einsum("nij,n,nik->jk", rows, weight, rows)
+        normal += np.eye(3) * (scale / _DOUBT_RAD) ** 2
+        mount = np.linalg.solve(normal, np.einsum("nij,n,ni->j", rows, weight, left))
+    return -mount, scale * np.sqrt(np.diag(np.linalg.inv(normal)))
+
+
+def _mounting_rows(said: Floats) -> Floats:
+    """Return (T, 3, 3): what a small turn of the mounting adds to each rotation vector."""
+    x, y, z = said.T
+    zero = np.zeros_like(x)
+    rows: Floats = np.stack(
+        [np.stack([zero, z, -y], 1), np.stack([-z, zero, x], 1), np.stack([y, -x, zero], 1)], axis=1
+    )
+    return rows
+
+
 def _misfit(
     recording: Recording, turns: _Turns, shift_s: float, scale: float
 ) -> tuple[float, Floats]:
     """Return the robust misfit of a shift, and what is left; a wrong mounting turns all alike."""
     said = _turned(recording, turns, shift_s)
     left = turns.seen_rad - said
-    x, y, z = said.T
-    zero = np.zeros_like(x)
-    rows = np.stack([np.stack([zero, z, -y], 1), np.stack([-z, zero, x], 1),
-                     np.stack([y, -x, zero], 1)], axis=1)  # fmt: skip
+    rows = _mounting_rows(said)
     mount = np.zeros(3)
     for _ in range(3):
         now = left - rows @ mount

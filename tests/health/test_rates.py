@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from civil_rgbd.domain.inspection import RecordingSummary, TopicSummary, lateness_drift
+from civil_rgbd.domain.inspection import RecordingSummary, TopicSummary, lateness_drift, timing_of
 from civil_rgbd.health.checks import Figure
-from civil_rgbd.health.rates import drift_figure, rate_figures
+from civil_rgbd.health.rates import drift_figure, rate_figures, timing_figures
 
 TENTH_NS = 100_000_000
 
@@ -81,6 +81,20 @@ def test_a_clock_that_lags_is_seen_through_messages_that_wait() -> None:
 
 def test_few_messages_tell_nothing_of_a_clock() -> None:
     assert lateness_drift(np.arange(40), np.arange(40)) is None
+
+
+def test_a_summary_of_stamps_tells_as_much_as_the_stamps() -> None:
+    stamps = np.delete(np.arange(1000) * 5_000_000, np.arange(300, 360))
+    timing = timing_of(stamps)
+    assert timing is not None
+
+    by_summary = {f.code: f for f in timing_figures("imu", len(stamps), timing)}
+
+    for code, figure in _figures("imu", stamps).items():
+        assert by_summary[code].value == pytest.approx(figure.value)
+        assert by_summary[code].detail == figure.detail
+    assert by_summary["imu-gap"].found
+    assert by_summary["imu-dropped"].found
 
 
 def _topics(lidar: int, image: int, doubt: int = 0) -> dict[str, TopicSummary]:
