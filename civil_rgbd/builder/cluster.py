@@ -11,8 +11,10 @@ from typing import Any, Final
 
 import cloudpickle
 from distributed import Client, LocalCluster
+from tornado.websocket import WebSocketError
 
 from civil_rgbd.builder import cluster_probe
+from civil_rgbd.builder.cluster_address import FIX, address_of, refuse_stranger
 from civil_rgbd.builder.executor_processes import without_interrupts
 from civil_rgbd.builder.originals import Fingerprint, fingerprint
 from civil_rgbd.builder.provenance import PIXEL_PACKAGES
@@ -76,16 +78,14 @@ def refuse_unreachable(scheduler: str) -> None:
 
 
 def _client_of(scheduler: str) -> Client:
-    fix = "compare the address with what the scheduler printed when it started: tcp://HOST:8786"
-    as_file = scheduler.endswith(".json")
-    if as_file and not Path(scheduler).is_file():
-        raise UsageError("there is no such scheduler file", where=scheduler, fix=fix)
+    address = address_of(scheduler)
+    refuse_stranger(address, where=scheduler)
     try:
         # Nothing is printed of retries, and nothing is imported from the other side yet.
-        return Client(**{"scheduler_file" if as_file else "address": scheduler}, timeout=_CONNECT_S)
-    except (OSError, ValueError, TypeError) as error:
+        return Client(address, timeout=_CONNECT_S)
+    except (OSError, ValueError, TypeError, WebSocketError) as error:
         raise UsageError(
-            f"no Dask scheduler answers: {str(error).splitlines()[0]}", where=scheduler, fix=fix
+            f"no Dask scheduler answers: {str(error).splitlines()[0]}", where=scheduler, fix=FIX
         ) from error
 
 

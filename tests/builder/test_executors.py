@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
+from civil_rgbd.builder import cluster_address
 from civil_rgbd.builder.bridge_build import Order
+from civil_rgbd.builder.cluster import connect
 from civil_rgbd.builder.executors import require_dask
 from civil_rgbd.builder.run import BuildOptions, build_bridge, build_bridges
 from civil_rgbd.cli import main
@@ -255,6 +260,51 @@ def test_a_cluster_with_other_versions_is_refused(
         for process in (worker, started):
             process.terminate()
             process.wait(timeout=30)
+
+
+@pytest.fixture
+def stranger() -> Iterator[socket.socket]:
+    """A port where something other than Dask listens."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        yield listener
+
+
+@pytest.mark.parametrize("greeting", [b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\x04", b""])
+def test_a_port_of_something_else_than_dask_is_said(
+    stranger: socket.socket, greeting: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster_address, "_ANSWER_S", 0.3)
+    address = f"tcp://127.0.0.1:{stranger.getsockname()[1]}"
+    opened = []
+
+    def greet() -> None:
+        connection, _ = stranger.accept()
+        connection.sendall(greeting)
+        opened.append(connection)  # and is not closed: it stays mute
+
+    thread = threading.Thread(target=greet)
+    thread.start()
+    with pytest.raises(UsageError, match="it is no Dask scheduler") as caught:
+        connect(address, workers=1, stack=ExitStack())
+    thread.join()
+    opened[0].close()
+    assert caught.value.where == address
+    assert "8787 is its dashboard" in caught.value.fix
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("{", "is no JSON"), ("[]", "names no address"), ('{"address": 3}', "names no address")],
+)
+def test_a_file_that_names_no_scheduler_is_said(text: str, words: str, tmp_path: Path) -> None:
+    file = tmp_path / "scheduler.json"
+    file.write_text(text)
+
+    with pytest.raises(UsageError, match=words) as caught:
+        connect(str(file), workers=1, stack=ExitStack())
+
+    assert caught.value.where == str(file)
+    assert "--scheduler-file" in caught.value.fix
 
 
 @pytest.mark.slow
