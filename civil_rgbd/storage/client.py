@@ -15,7 +15,8 @@ WEB: Final = ("http", "https")
 """Protocols that only read."""
 
 _OBSTORE: Final = {"s3": "s3", "gs": "gs", "gcs": "gs", "az": "az", "abfs": "az"}
-_SETTINGS: Final = ("AWS_", "GOOGLE_", "AZURE_")
+SETTINGS: Final = ("AWS_", "GOOGLE_", "AZURE_")
+"""How the variables begin that say who we are to a storage, and where it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +75,7 @@ def ask(verb: str, url: str, *arguments: object) -> Any:  # noqa: ANN401  # each
 def perform(verb: str, url: str, arguments: tuple[object, ...]) -> Any:  # noqa: ANN401  # as ask
     """Do in this process what :func:`ask` asks for."""
     protocol = url.partition("://")[0].lower()
-    settings = tuple(sorted((k, v) for k, v in os.environ.items() if k.startswith(_SETTINGS)))
+    settings = tuple(sorted((k, v) for k, v in os.environ.items() if k.startswith(SETTINGS)))
     objects = _objects_of(protocol + "?" * ("?" in url), os.getpid(), settings)
     method: Callable[..., Any] = getattr(objects, verb)
     try:

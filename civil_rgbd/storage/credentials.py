@@ -54,7 +54,10 @@ def s3_settings(environment: Mapping[str, str]) -> S3Settings:
     region = region or profile.get("region")
     if region:
         config["region"] = region
-    if environment.get("AWS_ACCESS_KEY_ID") or _is_anonymous(environment):
+    if _is_anonymous(environment):
+        return S3Settings(config, endpoint)
+    if environment.get("AWS_ACCESS_KEY_ID"):
+        _refuse_half("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", environment)
         return S3Settings(config, endpoint)
     if wanted and not profile:
         raise StorageError(
@@ -72,6 +75,8 @@ def s3_settings(environment: Mapping[str, str]) -> S3Settings:
         return S3Settings(config, endpoint)
     if any(key in profile for key in _BY_SERVICE):
         return S3Settings(config, endpoint, _fetched(wanted))
+    if environment.get("AWS_SECRET_ACCESS_KEY"):
+        _refuse_half("AWS_SECRET_ACCESS_KEY", "AWS_ACCESS_KEY_ID", environment)
     if not any(environment.get(name) for name in _OF_THE_MACHINE):
         _refuse_nobody(environment)
     return S3Settings(config, endpoint)
@@ -79,6 +84,15 @@ def s3_settings(environment: Mapping[str, str]) -> S3Settings:
 
 def _is_anonymous(environment: Mapping[str, str]) -> bool:
     return environment.get("AWS_SKIP_SIGNATURE", "").lower() in {"1", "true"}
+
+
+def _refuse_half(given: str, wanted: str, environment: Mapping[str, str]) -> None:
+    if not environment.get(wanted):
+        raise StorageError(
+            f"half of the credentials is missing: {given} is set, {wanted} is not",
+            where=wanted,
+            fix=f"set {wanted}, too; or unset {given} and set AWS_PROFILE",
+        )
 
 
 def _refuse_nobody(environment: Mapping[str, str]) -> None:

@@ -31,6 +31,13 @@ LEASE_S: Final = 60.0
 BEAT_S: Final = 15.0
 """A living holder renews its lock so often."""
 
+_SURE: Final = 5 / 6
+"""The part of a lease in which its holder trusts in it.
+
+Takers count in the server's whole seconds, and what the holder wrote last is still on its way when
+the lease ends: so the holder gives up some seconds before anybody may take over.
+"""
+
 _POLL_S: Final = 0.5
 _held: dict[str, _Lease] = {}
 
@@ -82,27 +89,28 @@ def refuse_lost_leases() -> None:
 class _Lease:
     """A lock object of ours, and the thread that keeps it alive."""
 
-    def __init__(self, path: RemotePath, etag: str | None) -> None:
+    def __init__(self, path: RemotePath, etag: str | None, *, asked_s: float) -> None:
         self.path = path
         self._etag, self._lost = etag, False
-        self._renewed = time.monotonic()
+        self._renewed_s = asked_s  # the server wrote it later than it was asked to
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._beat, daemon=True)
         self._thread.start()
 
     @property
     def is_lost(self) -> bool:
-        return self._lost or time.monotonic() - self._renewed > LEASE_S
+        return self._lost or _now_s() - self._renewed_s > _SURE * LEASE_S
 
     def _beat(self) -> None:
         while not self._over.wait(BEAT_S):
             with contextlib.suppress(StorageError):  # the next beat may get through
+                asked_s = _now_s()
                 try:
                     self._etag = ask("write_on", self.path.url, _note(), self._etag)
                 except ConditionError:
                     self._lost = True
                     return
-                self._renewed = time.monotonic()
+                self._renewed_s = asked_s
 
     def release(self) -> None:
         self._over.set()
@@ -132,6 +140,7 @@ def _take(lock: RemotePath, mine: RemotePath, path: RemotePath, *, patient: bool
     elif found is not None and not found.is_dead:
         _refuse_or_wait(found, path, patient=patient)
         return None
+    asked_s = _now_s()
     try:
         etag = ask("write_on", mine.url, _note(), etag)
     except ConditionError:
@@ -140,7 +149,7 @@ def _take(lock: RemotePath, mine: RemotePath, path: RemotePath, *, patient: bool
     others = _sharers(lock) if mine == lock else filter(None, [_look(lock)])
     living = next((other for other in others if not other.is_dead), None)
     if living is None:
-        return _Lease(mine, etag)
+        return _Lease(mine, etag, asked_s=asked_s)
     mine.unlink()
     _refuse_or_wait(living, path, patient=patient)
     return None
@@ -195,6 +204,12 @@ def _server_time_s(lock: RemotePath) -> float:
         return probe.stat().st_mtime_ns / 1e9
     finally:
         probe.unlink()
+
+
+def _now_s() -> float:
+    """Count seconds that never go back, those of a machine that sleeps among them."""
+    clock = getattr(time, "CLOCK_BOOTTIME", None)  # of Linux, whose other clocks sleep, too
+    return time.monotonic() if clock is None else time.clock_gettime(clock)
 
 
 def _note() -> bytes:

@@ -37,11 +37,13 @@ def is_needed() -> bool:
 
 def ask(verb: str, url: str, arguments: tuple[object, ...]) -> Any:  # noqa: ANN401  # as client.ask
     """Have a request made by the helper; as :func:`civil_rgbd.storage.client.ask`."""
+    from civil_rgbd.storage.client import SETTINGS
+
     with _guard:
         process = _running()
         if process.stdin is None or process.stdout is None:
             raise RuntimeError("the helper was started without pipes")
-        settings = {k: v for k, v in os.environ.items() if k.startswith(("AWS_", "GOOGLE_"))}
+        settings = {k: v for k, v in os.environ.items() if k.startswith(SETTINGS)}
         try:
             _send(process.stdin, (verb, url, arguments, settings))
             raised, answer = _receive(process.stdout)
@@ -72,7 +74,7 @@ def _running() -> subprocess.Popen[bytes]:
 
 def serve() -> None:
     """Answer requests from the standard input until it ends."""
-    from civil_rgbd.storage.client import perform
+    from civil_rgbd.storage.client import SETTINGS, perform
 
     questions, answers = sys.stdin.buffer, os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no answer
@@ -81,6 +83,8 @@ def serve() -> None:
             verb, url, arguments, settings = _receive(questions)
         except EOFError:
             return
+        for gone in [k for k in os.environ if k.startswith(SETTINGS) and k not in settings]:
+            del os.environ[gone]
         os.environ.update(settings)
         try:
             answer = False, perform(verb, url, arguments)

@@ -121,6 +121,26 @@ def test_sharers_bar_those_who_want_it_alone(bucket: RemotePath) -> None:
     assert files_below(bucket) == {}
 
 
+def test_a_holder_gives_up_before_anybody_may_take_over(
+    bucket: RemotePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = [1000.0]
+    monkeypatch.setattr(lease, "_now_s", lambda: now_s[0])
+    asked = ask
+
+    def slow_to_answer(verb: str, url: str, *arguments: object) -> object:
+        now_s[0] += 5.0 * (verb == "write_on")
+        return asked(verb, url, *arguments)
+
+    monkeypatch.setattr(lease, "ask", slow_to_answer)
+    with leased(bucket / "B1"):
+        now_s[0] = 1000.0 + 49.0
+        refuse_lost_leases()
+        now_s[0] = 1000.0 + 51.0  # counted from the question, and less than a whole lease
+        with pytest.raises(OutputError, match="could not be renewed"):
+            refuse_lost_leases()
+
+
 def test_a_holder_keeps_its_lock_alive_and_notices_its_loss(
     bucket: RemotePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:

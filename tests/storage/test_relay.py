@@ -6,9 +6,11 @@ import multiprocessing
 import os
 from collections.abc import Callable
 from multiprocessing.connection import Connection
+from typing import cast
 
 import pytest
 
+from civil_rgbd.errors import StorageError
 from civil_rgbd.storage import relay
 from civil_rgbd.storage.remote_path import RemotePath
 
@@ -44,6 +46,27 @@ def test_a_fork_reads_writes_and_fails_as_its_parent_does(bucket: RemotePath) ->
     assert isinstance(in_a_fork((bucket / "c").read_bytes), FileNotFoundError)
     failed = in_a_fork(lambda: RemotePath("s3://no-such-bucket/a").read_bytes())
     assert "no such bucket" in str(failed)
+
+
+def test_a_helper_is_whoever_the_fork_is_now(
+    bucket: RemotePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (bucket / "a").write_bytes(b"mine")
+
+    def read() -> bytes:
+        return RemotePath(f"{bucket.url}/a").read_bytes()
+
+    def as_others() -> tuple[bytes, str, bytes]:
+        first = read()
+        monkeypatch.delenv("AWS_ACCESS_KEY_ID")
+        with pytest.raises(StorageError) as caught:
+            read()
+        monkeypatch.setenv("AWS_ACCESS_KEY_ID", "tester")
+        return first, str(caught.value), read()
+
+    first, refused, again = cast("tuple[bytes, str, bytes]", in_a_fork(as_others))
+    assert (first, again) == (b"mine", b"mine")
+    assert "credentials" in refused
 
 
 def test_a_helper_is_started_once(bucket: RemotePath) -> None:

@@ -164,6 +164,10 @@ def test_a_process_that_is_nobody_is_told_how_to_be_somebody(
     monkeypatch.setenv("AWS_CONFIG_FILE", str(tmp_path / "config"))
     monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
 
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    with pytest.raises(StorageError, match="AWS_SECRET_ACCESS_KEY is set, AWS_ACCESS_KEY_ID is"):
+        RemotePath("s3://raw-scans/scan.mcap").stat()
+    monkeypatch.delenv("AWS_SECRET_ACCESS_KEY")
     with pytest.raises(StorageError, match="no credentials") as caught:
         RemotePath("s3://raw-scans/scan.mcap").stat()
     assert "AWS_ACCESS_KEY_ID" in caught.value.fix
