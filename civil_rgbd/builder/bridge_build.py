@@ -51,12 +51,14 @@ class Order:
         open: opens its recording.
         files: what the recording is read from, as far as it lies in files of this machine.
         sha256: of the recording's files, where somebody wrote them down.
+        said_in: the file that says all this, if any.
     """
 
     info: BridgeInfo
     open: Callable[[], Recording]
     files: tuple[Path, ...] = ()
     sha256: tuple[str, ...] = ()
+    said_in: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,7 +196,8 @@ def begin(order: Order, manner: Manner, *, place: tuple[int, int]) -> BridgeBuil
     require_free_id(dataset, bridge_id)
     files = fingerprints(order.files)
     recording = order.open()
-    refuse_other_hashes(order.sha256, recording.sources, where=recording.name)
+    said_in = f"{order.said_in}, " if order.said_in else ""
+    refuse_other_hashes(order.sha256, recording.sources, where=f"{said_in}bridge {bridge_id!r}")
     require_images_fit(recording, undistort=manner.recipe.image.undistort)
     plan = plan_frames(recording, manner.recipe)
     wanted = manifest_before(recording, manner.recipe, order.info, manner.overrides)

@@ -60,7 +60,8 @@ def read_survey(path: Path) -> tuple[SurveyEntry, ...]:
 
     Raises:
         UsageError: the file is missing or no TOML, a key is unknown or does not fit, two bridges
-            have one id, or files are missing: all of them are listed.
+            have one id, files are missing (all of them are listed), or a bridge has more or fewer
+            hashes than files.
     """
     try:
         document = tomllib.loads(path.read_bytes().decode("utf-8"))
@@ -85,6 +86,7 @@ def read_survey(path: Path) -> tuple[SurveyEntry, ...]:
     defaults = document.get("defaults", {})
     entries = tuple(_entry({**defaults, **one}, path.parent) for one in document["bridge"])
     _refuse_missing(entries, path)
+    _refuse_odd_hashes(entries, path)
     return entries
 
 
@@ -165,6 +167,22 @@ def _refuse_missing(entries: tuple[SurveyEntry, ...], where: Path) -> None:
             where=where,
             fix=f"paths are relative to {where.absolute().parent}: mend them, or fetch the files",
         )
+
+
+def _refuse_odd_hashes(entries: tuple[SurveyEntry, ...], where: Path) -> None:
+    for entry in entries:
+        files, hashes = len(entry.sources), len(entry.sha256)
+        if hashes not in {0, files} and all(map(_is_one_file, entry.sources)):
+            raise UsageError(
+                f"bridge {entry.bridge_id!r} has sources: {files}, but sha256: {hashes}",
+                where=where,
+                fix="write one sha256 for each source, in the same order; or none at all",
+            )
+
+
+def _is_one_file(source: str) -> bool:
+    """Tell whether a source is one file, as far as is known without asking; folders hold many."""
+    return source.lower().endswith((".mcap", ".bag")) or Path(source).is_file()
 
 
 def _paths(entry: SurveyEntry) -> Iterator[tuple[str, Path]]:

@@ -13,6 +13,7 @@ import click
 from civil_rgbd.cli.beside import options_of_recording
 from civil_rgbd.cli.bridge_info import options_of_bridge, read_bridge_info
 from civil_rgbd.cli.execution import options_from, options_of_execution
+from civil_rgbd.errors import UsageError
 
 if TYPE_CHECKING:
     from civil_rgbd.domain.bridge import BridgeInfo
@@ -98,7 +99,7 @@ def command(  # the options of a build are many: most are handed on as they are
     options = options_from(workers=workers, executor=executor, scheduler=scheduler, chunk=chunk)
     options = replace(options, overwrite=overwrite, overrides=overrides_of(settings))
     elsewhere = options.executor == "dask"
-    is_survey = len(sources) == 1 and sources[0].lower().endswith(".toml")
+    is_survey = _is_survey(sources)
     if is_survey:
         refuse_beside_survey(context, ["bridge_info", "licence", "rig_path", *recording_options])
         file = Path(sources[0]).absolute() if elsewhere else Path(sources[0])
@@ -116,6 +117,17 @@ def command(  # the options of a build are many: most are handed on as they are
     done = report if is_survey else only_report(report)
     print(json.dumps(done.to_document(), indent=2) if as_json else done.to_text())
     context.exit(1 if report.failed else 0)
+
+
+def _is_survey(sources: tuple[str, ...]) -> bool:
+    surveys = [source for source in sources if source.lower().endswith(".toml")]
+    if surveys and len(sources) > 1:
+        raise UsageError(
+            "a survey stands alone: it names its recordings itself",
+            where=surveys[0],
+            fix="give the survey and nothing else, or recordings only",
+        )
+    return bool(surveys)
 
 
 def _info(

@@ -30,8 +30,10 @@ def command(
 ) -> None:
     """Publish the bridges of DATASET whose parts were made by `civil-rgbd build --chunk I/N`.
 
-    Every file is read back and compared with its hash first. No recording is needed. Exit code 1
-    when parts are missing: they are named, and nothing of their bridge appears.
+    On a disk every file is read back and compared with its hash first; on object storage, where an
+    object appears whole or not at all, they are listed, and `civil-rgbd verify` reads them. No
+    recording is needed. Exit code 1 when parts are missing: they are named, and nothing of their
+    bridge appears.
     """
     from civil_rgbd.builder.finish import finish_bridges
 

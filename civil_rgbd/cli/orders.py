@@ -29,6 +29,7 @@ def order_of(
     rig_path: Path | None,
     reading: Mapping[str, Any],
     sha256: Sequence[str] = (),
+    said_in: Path | None = None,
 ) -> Order:
     """Order a bridge of one recording; what lies beside it is read now, the recording later.
 
@@ -38,6 +39,7 @@ def order_of(
         rig_path: the rig file, if any.
         reading: values of the options of :func:`civil_rgbd.cli.beside.options_of_recording`.
         sha256: of the files, where somebody wrote them down.
+        said_in: the file that they are written in.
 
     Raises:
         UsageError: options contradict each other.
@@ -61,7 +63,7 @@ def order_of(
         say_mounting(recording, rig_given=rig_path is not None)
         return recording
 
-    return Order(info, open_now, files=(*files, *beside), sha256=tuple(sha256))
+    return Order(info, open_now, files=(*files, *beside), sha256=tuple(sha256), said_in=said_in)
 
 
 def seen_from_elsewhere(
@@ -109,6 +111,7 @@ def orders_of_survey(path: Path, *, only: str | None, hashed: bool = True) -> li
             rig_path=entry.rig,
             reading={**entry.reading, "source_hash": hashed},
             sha256=entry.sha256,
+            said_in=path,
         )
         for entry in entries
         if only in {None, entry.bridge_id}
@@ -130,5 +133,6 @@ def refuse_beside_survey(context: click.Context, names: Sequence[str]) -> None:
             raise UsageError(
                 f"{parameter.opts[0]} speaks of one recording, a survey of many",
                 where=parameter.opts[0],
-                fix=f"write it into the survey, for one bridge or under [defaults]: {name} = ...",
+                fix="write it into the survey, for one bridge or under [defaults]: "
+                f"{parameter.opts[0].lstrip('-').replace('-', '_')} = ...",
             )

@@ -139,3 +139,18 @@ def test_a_survey_that_is_not_there_is_said(tmp_path: Path) -> None:
         read_survey(tmp_path / "survey.toml")
 
     assert "check the path" in caught.value.fix
+
+
+def test_hashes_of_other_files_than_there_are_are_refused(tmp_path: Path) -> None:
+    hashes = ", ".join(f'"{digit * 64}"' for digit in "12")
+    (tmp_path / "a.mcap").touch()
+
+    for source in ("a.mcap", "s3://raw/a.mcap"):
+        text = f'[[bridge]]\nid = "a"\nsource = "{source}"\nsha256 = [{hashes}]\n'
+        with pytest.raises(UsageError, match="sources: 1, but sha256: 2") as caught:
+            read_survey(written(tmp_path, text))
+        assert "one sha256 for each source" in caught.value.fix
+
+    (tmp_path / "bag").mkdir()  # a folder may hold many files
+    text = f'[[bridge]]\nid = "a"\nsource = "bag"\nsha256 = [{hashes}]\n'
+    assert len(read_survey(written(tmp_path, text))[0].sha256) == 2

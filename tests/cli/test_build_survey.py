@@ -113,13 +113,44 @@ def test_another_hash_than_the_survey_says_fails_the_bridge(
     status = main(["build", "--out", str(tmp_path / "out"), str(tmp_path / "survey.toml")])
 
     assert status == 1
-    assert f"should have sha256 {'0' * 64}; north.mcap has" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert f"should have sha256 {'0' * 64}; north.mcap has" in said
+    assert f"where: {tmp_path / 'survey.toml'}, bridge 'north'" in said
+
+
+def test_a_hash_that_nobody_wants_taken_is_no_other_hash(survey: Path, tmp_path: Path) -> None:
+    source = survey.parent / "raw/north.mcap"
+    text = f'[[bridge]]\nid = "north"\nsource = "{source}"\nsha256 = "{"0" * 64}"\n'
+    (tmp_path / "survey.toml").write_text(text)
+    build = ["build", *RECIPE, "--workers", "1", "--no-source-hash", "--out", str(tmp_path / "out")]
+
+    assert main([*build, str(tmp_path / "survey.toml")]) == 0
+
+    manifest = json.loads((tmp_path / "out/bridges/north/manifest.json").read_text())
+    assert manifest["sources"][0]["sha256"] is None
+
+
+def test_every_option_that_a_survey_forbids_beside_it_is_a_key_of_it() -> None:
+    from civil_rgbd.cli.build import command
+    from civil_rgbd.resources import load_schema
+
+    keys = load_schema("survey")["properties"]["bridge"]["items"]["properties"]
+    own = {"recipe", "set", "bridge", "out", "workers", "executor", "scheduler", "chunk"}
+    own |= {"overwrite", "no_source_hash", "json"}
+    options = {
+        parameter.opts[0].lstrip("-").replace("-", "_")
+        for parameter in command.params
+        if parameter.opts[0].startswith("-")
+    }
+    assert options - own <= set(keys)
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         (["--rig", "rig.toml"], "--rig speaks of one recording, a survey of many"),
+        (["--rig", "rig.toml"], "under [defaults]: rig = ..."),
+        (["raw/a.mcap"], "a survey stands alone"),
         (["--licence", "MIT"], "--licence speaks of one recording"),
         (["--chunk", "1/2", "--executor", "dask"], "--chunk makes one part of a build here"),
         (["--scheduler", "tcp://a:1", "--executor", "serial"], "--scheduler is the address of"),
