@@ -193,13 +193,6 @@ def _refuse_contradictions(recipe: Recipe, where: object) -> None:
                     f"{stage}.{key} is {value!r}", where=where, fix="take a finite number"
                 )
     seen = recipe.visibility
-    if seen is not None and seen.points < recipe.accumulate.points:
-        raise RecipeError(
-            f"visibility.points is {seen.points}, fewer than accumulate.points "
-            f"({recipe.accumulate.points})",
-            where=where,
-            fix="the points of a frame hide others too: give at least as many",
-        )
     if seen is not None and not seen.closing_px % 2:
         raise RecipeError(
             f"visibility.closing_px is {seen.closing_px}, which is even",

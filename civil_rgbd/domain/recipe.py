@@ -104,7 +104,7 @@ class VisibilityStage:
     """Which pixels are empty after all, because something stands before what they show.
 
     Attributes:
-        points: how many points may hide others: those of the frame, and older ones.
+        points: how many points may hide others: the frame's, which always do, and older ones.
         max_age_s: points further from the image's stamp hide nothing; 0 = no limit.
         closing_px: holes of a front up to this wide are closed; odd.
         rim_px: how far beyond a pixel a front must reach on every side to hide it.
