@@ -29,7 +29,11 @@ _RETRIES: Final = {
 
 
 class ObstoreFace(FsspecStore):  # type: ignore[misc]  # see pyproject: Any to us
-    """What fsspec does not pass on: conditions on reading and writing, and whole listings."""
+    """What fsspec does not pass on: conditions on reading and writing, and whole listings.
+
+    What we call is no coroutine: obstore's answers of coroutines arrive from threads of its own,
+    and a process that ends while one is at it is aborted (signal 6, after all was done).
+    """
 
     cachable = False
 
@@ -75,7 +79,7 @@ class ObstoreFace(FsspecStore):  # type: ignore[misc]  # see pyproject: Any to u
         ]
         return iter(sorted(found))
 
-    async def _cat_file(
+    def cat_file(
         self,
         path: str,
         start: int | None = None,
@@ -83,18 +87,18 @@ class ObstoreFace(FsspecStore):  # type: ignore[misc]  # see pyproject: Any to u
         if_match: str | None = None,
         **_more: object,
     ) -> bytes:
+        """Read an object, or a range of it, if it has the ETag that is named."""
         store, inner = self.store_of(path)
         options: dict[str, Any] = {"if_match": if_match} if if_match else {}
         if start is not None:
             options["range"] = (start, end)
         try:
-            found = await obstore.get_async(store, inner, options=options)
-            data = await found.bytes_async()
+            data = obstore.get(store, inner, options=options).bytes()
         except PreconditionError as error:
             raise ConditionError(path) from error
         return bytes(data.to_bytes())
 
-    async def _pipe_file(
+    def pipe_file(
         self,
         path: str,
         value: bytes,
@@ -102,11 +106,37 @@ class ObstoreFace(FsspecStore):  # type: ignore[misc]  # see pyproject: Any to u
         if_match: str | None = None,
         **_more: object,
     ) -> str | None:
+        """Write an object on a condition; return its ETag."""
         store, inner = self.store_of(path)
         how: Any = {"e_tag": if_match} if if_match else mode
-        written = await obstore.put_async(store, inner, value, mode=how)
-        etag: str | None = written["e_tag"]
+        etag: str | None = obstore.put(store, inner, value, mode=how)["e_tag"]
         return etag
+
+    def ls(self, path: str, *, detail: bool = True, **_more: object) -> list[Any]:
+        """List what lies directly below."""
+        store, inner = self.store_of(path)
+        bucket = path.partition("/")[0]
+        page = obstore.list_with_delimiter(store, inner)
+        found = [
+            {**entry, "name": f"{bucket}/{entry['path']}", "type": "file"}
+            for entry in page["objects"]
+        ] + [
+            {"name": f"{bucket}/{prefix}", "size": 0, "type": "directory"}
+            for prefix in page["common_prefixes"]
+        ]
+        if not found:
+            raise FileNotFoundError(path)
+        return found if detail else [entry["name"] for entry in found]
+
+    def cp_file(self, path1: str, path2: str, **_more: object) -> None:
+        """Copy an object within its bucket."""
+        store, inner = self.store_of(path1)
+        obstore.copy(store, inner, self.store_of(path2)[1])
+
+    def rm_file(self, path: str) -> None:
+        """Delete an object."""
+        store, inner = self.store_of(path)
+        obstore.delete(store, inner)
 
 
 def obstore_face(protocol: str) -> ObstoreFace:

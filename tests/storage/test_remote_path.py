@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import pickle
+import subprocess
 import sys
 import threading
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -243,3 +244,25 @@ def test_a_missing_extra_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -
         with pytest.raises(MissingExtraError, match="not installed") as caught:
             RemotePath("s3://raw-scans/scan.mcap").stat()
     assert caught.value.fix == 'pip install "civil-rgbd[s3]"'
+
+
+def test_requests_leave_no_thread_behind_that_could_abort_the_end(bucket: RemotePath) -> None:
+    """An event loop in a thread meets its answers after the interpreter has gone: signal 6."""
+    code = f"""
+import threading
+from civil_rgbd.storage.client import ask
+from civil_rgbd.storage.remote_path import RemotePath
+one, other = RemotePath("{bucket.url}/one"), RemotePath("{bucket.url}/other")
+one.write_bytes(b"12345")
+assert one.read_bytes() == b"12345"
+assert ask("read", one.url, 1, 3) == b"23"
+ask("copy", one.url, other.url)
+assert [path.name for path in RemotePath("{bucket.url}").iterdir()] == ["one", "other"]
+other.unlink()
+print([thread.name for thread in threading.enumerate()])
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+
+    assert (ended.returncode, ended.stdout.strip()) == (0, "['MainThread']"), ended.stderr
