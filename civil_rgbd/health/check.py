@@ -24,14 +24,13 @@ from civil_rgbd.health.inspection import choose
 from civil_rgbd.health.pictures import look_at_pictures, picture_figures
 from civil_rgbd.health.rates import drift_figure as clock_figure
 from civil_rgbd.health.rates import rate_figures, timing_figures
-from civil_rgbd.health.sampling import stretches_of, viewer_of
+from civil_rgbd.health.sampling import Stretch, stretches_of, viewer_of
 from civil_rgbd.health.steadiness import drift_figure, jump_figures
 from civil_rgbd.health.tracks import tracks_of
 from civil_rgbd.health.turning import TimeOffset, time_offset, turn_of_mounting
 
 _NO_POSES = "the recording has no poses yet"
-_OF_POSES = ("pose-rate", "pose-gap", "pose-jump", "pose-jerk", "time-offset", "extrinsics",
-             "pose-drift", "frames", "coverage")  # fmt: skip
+_OF_POSES = ("pose-rate", "pose-gap", "pose-jump", "pose-jerk")
 _GAIN = 1.05
 """A turn that hardly makes edges meet better is no finding."""
 
@@ -65,7 +64,10 @@ def check_recording(given: CheckInput, recipe: Recipe) -> tuple[Figure, ...]:
     other = replace(given, recording=pickle.loads(pickle.dumps(given.recording)))  # noqa: S301  # our own
     with ThreadPoolExecutor(1) as second:
         beside = second.submit(lambda: [*_pictures(other), *_coverage(other, recipe)])
-        figures = [*_rates(given), *_poses(given), *_mounting(given), *beside.result()]
+        stretches = tuple(stretches_of(given.recording)) if given.posed else ()
+        drift = second.submit(_drift, given, stretches)
+        figures = [*_rates(given), *_poses(given), *_mounting(given, stretches)]
+        figures += [*beside.result(), drift.result()]
     place = {code: number for number, code in enumerate(CHECKS)}
     return tuple(sorted(figures, key=lambda figure: place[figure.code]))
 
@@ -93,21 +95,23 @@ def _pictures(given: CheckInput) -> Iterator[Figure]:
 
 def _poses(given: CheckInput) -> Iterator[Figure]:
     if not given.posed:
-        yield from (Figure(code, None, _NO_POSES) for code in _OF_POSES if code.startswith("pose"))
+        yield from (Figure(code, None, _NO_POSES) for code in _OF_POSES)
         return
     yield from rate_figures("pose", given.recording.trajectory.stamps_ns)
     yield from jump_figures(given.recording.trajectory)
 
 
-def _mounting(given: CheckInput) -> Iterator[Figure]:
+def _drift(given: CheckInput, stretches: tuple[Stretch, ...]) -> Figure:
+    return drift_figure(stretches) if given.posed else Figure("pose-drift", None, _NO_POSES)
+
+
+def _mounting(given: CheckInput, stretches: tuple[Stretch, ...]) -> Iterator[Figure]:
     recording = given.recording
     if not given.posed:
         yield Figure("time-offset", None, _NO_POSES)
         yield Figure("extrinsics", None, _NO_POSES)
         yield _inverted(recording)
         return
-    stretches = tuple(stretches_of(recording))
-    yield drift_figure(stretches)
     viewer = viewer_of(recording.rig.camera)
     tracks = tracks_of(recording, stretches, viewer)
     offset = time_offset(recording, tracks)

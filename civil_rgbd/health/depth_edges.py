@@ -17,6 +17,7 @@ from civil_rgbd.health.sampling import Stretch, Viewer, camera_poses, image_stam
 
 Floats = NDArray[np.float64]
 
+_IMAGES: Final = 28
 _IMAGES_A_STRETCH: Final = 3
 _WITHIN_NS: Final = 250_000_000
 _CELL_PX: Final = 2
@@ -59,8 +60,9 @@ def depth_edges(
     stamps_ns = image_stamps(recording) + round(shift_s * 1e9)
     pictures: list[NDArray[np.uint8]] = []
     parts: list[tuple[Floats, NDArray[np.bool_], int]] = []
+    wanted = int(np.clip(_IMAGES // max(1, len(stretches)), 1, _IMAGES_A_STRETCH))
     for stretch in stretches:
-        for index in stretch.images[1 :: max(1, len(stretch.images) // _IMAGES_A_STRETCH)]:
+        for index in stretch.images[1 :: max(1, len(stretch.images) // wanted)]:
             small = small_grey(recording, index, viewer.reduction)
             if small is None:
                 continue
