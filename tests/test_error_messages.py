@@ -387,6 +387,14 @@ CASES: dict[str, Case] = {
         *("--out", str(folder / "depth")),
     ],
     "inspect nothing": lambda folder: ["inspect-recording", str(folder / "missing.mcap")],
+    "check nothing": lambda folder: ["check", str(folder / "missing.mcap")],
+    "check by an unknown recipe": lambda folder: [
+        *("check", str(folder / "missing.mcap"), "--recipe", "250"),
+    ],
+    "check what is not linked": lambda folder: [
+        "check",
+        str(scene.write(folder / "scan.mcap", scene.whole() | {"tf": []})),
+    ],
     "unknown simulated bridge": lambda folder: [
         "simulate",
         "--bridge",
