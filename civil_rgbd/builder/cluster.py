@@ -197,6 +197,6 @@ def _refuse(faults: Sequence[str], workers: Iterable[str], what: str, *, fix: st
     different = list(dict.fromkeys(faults))
     raise BuildError(
         f"{what}: {'; '.join(different[:10])}" + ("; ..." if len(different) > 10 else ""),
-        where=f"{len(list(workers))} workers of the cluster",
+        where=f"the cluster's workers ({len(list(workers))})",
         fix=fix,
     )

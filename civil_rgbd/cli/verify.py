@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from civil_rgbd.cli.beside import options_of_recording
-from civil_rgbd.errors import UsageError
+from civil_rgbd.errors import CivilRgbdError, UsageError
 
 if TYPE_CHECKING:
     from civil_rgbd.builder.bridge_build import Order
     from civil_rgbd.builder.verify import Rebuilt
-    from civil_rgbd.domain.bridge import Manifest
     from civil_rgbd.validation import Report
 
 
@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     "sources",
     multiple=True,
     metavar="FILE",
-    help="A raw recording, for --rebuild; may be given again. Its bridge is found by its sha256.",
+    help="A raw recording, for --rebuild; may be given again. Its bridge is found by its sha256; "
+    "where there is none, by name, size and ETag.",
 )
 @click.option(
     "--survey",
@@ -80,7 +81,11 @@ def command(
     with redirect_stdout(sys.stderr), frame_bar("hashes") as on_progress:
         report = validate(location, progress=on_progress)
     rebuilt = _rebuild(location, orders, frames, seed) if frames and not report.errors else []
-    print(_as_json(report, rebuilt) if as_json else _as_text(report, rebuilt, frames))
+    unproved = _not_proved(location)
+    if as_json:
+        print(_as_json(report, rebuilt, unproved))
+    else:
+        print(_as_text(report, rebuilt, unproved, frames))
     context.exit(1 if report.errors or any(one.differences for one in rebuilt) else 0)
 
 
@@ -94,6 +99,7 @@ def _orders(
     """Find the recording of every bridge; refuse what cannot be rendered again."""
     from civil_rgbd.builder.verify import refuse_imported
     from civil_rgbd.cli.orders import order_of, orders_of_survey, refuse_beside_survey
+    from civil_rgbd.cli.whose_source import sources_of
     from civil_rgbd.domain.bridge import BridgeInfo
     from civil_rgbd.format.layout import MANIFEST, bridge_folders
     from civil_rgbd.format.manifest import read_manifest
@@ -110,7 +116,7 @@ def _orders(
         rig_path = reading.pop("rig_path")
         orders = {
             name: order_of(files, BridgeInfo(name), rig_path=rig_path, reading=reading)
-            for name, files in _sources_of(manifests, sources).items()
+            for name, files in sources_of(manifests, sources).items()
         }
     for name, manifest in manifests.items():
         if name not in orders:
@@ -124,34 +130,18 @@ def _orders(
     return {name: orders[name] for name in manifests}
 
 
-def _sources_of(manifests: Mapping[str, Manifest], sources: Sequence[str]) -> dict[str, list[str]]:
-    """Tell whose recording each source is: by its hash, where there are several bridges."""
-    from civil_rgbd.format.hashes import file_sha256
+def _not_proved(location: str) -> list[str]:
+    """Name the bridges whose manifest has no hash of a source."""
+    from civil_rgbd.format.layout import MANIFEST, bridge_folders
+    from civil_rgbd.format.manifest import read_manifest
 
-    if not sources:
-        return {}
-    if len(manifests) == 1:
-        return {name: list(sources) for name in manifests}
-    found: dict[str, list[tuple[int, str]]] = {}
-    for source in sources:
-        path = Path(source)
-        sha256 = file_sha256(path) if path.is_file() else None
-        named = path.name
-        places = [
-            (name, place)
-            for name, manifest in manifests.items()
-            for place, known in enumerate(manifest.sources)
-            if (known.sha256 == sha256 if sha256 else known.name == named)
-        ]
-        if not places:
-            raise UsageError(
-                f"no bridge was built from this source{f', sha256 {sha256}' if sha256 else ''}",
-                where=source,
-                fix="compare with `sources` in the manifests: was the file changed or replaced?",
-            )
-        for name, place in places:
-            found.setdefault(name, []).append((place, source))
-    return {name: [source for _, source in sorted(some)] for name, some in found.items()}
+    names = []
+    for name, folder in bridge_folders(location).items():
+        with suppress(CivilRgbdError):  # the report says what is wrong with it
+            manifest = read_manifest(folder / MANIFEST)
+            if not all(source.sha256 for source in manifest.sources):
+                names.append(name)
+    return names
 
 
 def _rebuild(location: str, orders: Mapping[str, Order], frames: int, seed: int) -> list[Rebuilt]:
@@ -172,12 +162,17 @@ def _rebuild(location: str, orders: Mapping[str, Order], frames: int, seed: int)
         ]
 
 
-def _as_json(report: Report, rebuilt: Sequence[Rebuilt]) -> str:
-    document = report.to_document() | {"rebuilt": [one.to_document() for one in rebuilt]}
+def _as_json(report: Report, rebuilt: Sequence[Rebuilt], unproved: Sequence[str]) -> str:
+    document = report.to_document() | {
+        "rebuilt": [one.to_document() for one in rebuilt],
+        "sources_not_proved": list(unproved),
+    }
     return json.dumps(document, indent=2)
 
 
-def _as_text(report: Report, rebuilt: Sequence[Rebuilt], frames: int) -> str:
+def _as_text(
+    report: Report, rebuilt: Sequence[Rebuilt], unproved: Sequence[str], frames: int
+) -> str:
     lines = [report.to_text()]
     if frames and report.errors:
         lines.append("nothing was rendered again: the files themselves are not what they should be")
@@ -185,8 +180,7 @@ def _as_text(report: Report, rebuilt: Sequence[Rebuilt], frames: int) -> str:
         same = one.frames - len({d.frame_id for d in one.differences})
         lines.append(f"{one.bridge_id}: {same} of {one.frames} frames came out the same")
         lines += [f"  {d.frame_id} {d.of:<6} {d.what}" for d in one.differences]
-        if not one.proved:
-            lines.append("  source not proved: the manifest has no hash of it")
         if one.versions and one.differences:
             lines.append(f"  other versions: {'; '.join(one.versions)}")
+    lines += [f"{name}: source not proved: the manifest has no hash of it" for name in unproved]
     return "\n".join(lines)

@@ -225,6 +225,7 @@ def test_verify_proves_a_dataset_from_its_survey_or_its_sources(
         (["--rebuild", "2"], "the raw recording of bridge 'north' is not given: north.mcap"),
         (["--source", "x.mcap"], "no frame is to be rendered again"),
         (["--rebuild", "2", "--source", "SURVEY"], "no bridge was built from this source"),
+        (["--rebuild", "2", "--source", "gone.mcap"], "there is no such file or folder"),
     ],
 )
 def test_verify_says_what_it_needs(
@@ -237,6 +238,27 @@ def test_verify_says_what_it_needs(
     said = capsys.readouterr().err
     assert words in said
     assert "fix:" in said
+
+
+def test_sources_without_a_hash_are_found_by_name_and_size_and_said_unproved(
+    survey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    more = ["--workers", "1", "--no-source-hash", "--out", str(tmp_path)]
+    assert main(["build", *RECIPE, *more, str(survey)]) == 0
+    names = ("south", "north")
+    given = [word for name in names for word in ("--source", f"{survey.parent}/raw/{name}.mcap")]
+    capsys.readouterr()
+
+    assert main(["verify", str(tmp_path)]) == 0
+    alone = capsys.readouterr().out
+    assert main(["verify", str(tmp_path), "--rebuild", "2", *given]) == 0
+    rebuilt = capsys.readouterr().out
+    assert main(["verify", str(tmp_path), "--json"]) == 0
+
+    for name in names:
+        assert f"{name}: source not proved" in alone
+        assert rebuilt.count(f"{name}: source not proved") == 1
+    assert json.loads(capsys.readouterr().out)["sources_not_proved"] == ["north", "south"]
 
 
 def test_verify_finds_a_changed_picture(

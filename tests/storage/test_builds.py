@@ -251,6 +251,9 @@ def test_the_whole_way_by_the_command_line(
     out = (bucket / "sets").url
     more = ["--set", SETTINGS[0], "--licence", "CC0-1.0", "--workers", "1", "--no-source-hash"]
     assert main(["build", source.url, "--out", out, *more]) == 0
+    capsys.readouterr()
+    assert main(["verify", out]) == 0
+    assert "scan: source not proved" in capsys.readouterr().out
     assert main(["verify", out, "--rebuild", "2", "--source", source.url]) == 0
 
     manifest = json.loads((bucket / "sets/bridges/scan/manifest.json").read_text())
