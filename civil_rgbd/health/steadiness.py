@@ -131,7 +131,7 @@ def disagreement(target_map: Floats, source_map: Floats) -> float | None:
         normal, pull = _pull(planes, moved @ turn.T + shift + middle, middle, width)
         if normal[3:, 3:].trace() < _FEWEST_POINTS / 4:
             return None
-        change: Floats = -np.linalg.solve(normal + _PRIOR, pull)
+        change = np.asarray(-np.linalg.solve(normal + _PRIOR, pull), dtype=np.float64)
         turn = _small_rotation(change[:3]) @ turn
         shift = shift + change[3:]
     # What is known of the shift whatever the turn is; along a tunnel, nothing.
