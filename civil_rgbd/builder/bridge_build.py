@@ -28,7 +28,7 @@ from civil_rgbd.builder.plan import Chunk, chunks_of, plan_frames
 from civil_rgbd.builder.provenance import build_identity
 from civil_rgbd.builder.publish import publish
 from civil_rgbd.builder.report import BuildReport, ShareReport
-from civil_rgbd.builder.shares import Division, Share, write_division
+from civil_rgbd.builder.shares import BEGIN_WAIT_S, Division, Share, gate_of, write_division
 from civil_rgbd.domain.bridge import BridgeInfo, Manifest
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
@@ -38,8 +38,6 @@ from civil_rgbd.format.datasets import refresh_dataset
 from civil_rgbd.format.layout import BRIDGES, PARTIAL
 from civil_rgbd.pipeline.frames import FrameMaker
 from civil_rgbd.storage.places import Place
-
-_BEGIN_WAIT_S = 600.0  # other parts of the same build plan and check meanwhile
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -248,8 +246,7 @@ def _take(build: BridgeBuild, check: Callable[[], None]) -> None:
             build.locks.enter_context(folder_lock(partial))
         else:
             # Parts of one build begin one after the other, and go on together.
-            gate = partial.with_name(f"{partial.name}.begin")
-            beginning.enter_context(folder_lock(gate, wait_s=_BEGIN_WAIT_S))
+            beginning.enter_context(folder_lock(gate_of(partial), wait_s=BEGIN_WAIT_S))
         recover_folder(build.folder)
         build.whole = find_whole(build.folder, build.facts.manifest, overwrite=manner.overwrite)
         if build.whole is None:

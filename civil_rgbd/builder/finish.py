@@ -10,7 +10,7 @@ from civil_rgbd.builder.chunks import finished_chunks
 from civil_rgbd.builder.facts import Facts, read_facts
 from civil_rgbd.builder.publish import missing_frames, publish
 from civil_rgbd.builder.report import BuildReport, Outcome, SurveyReport
-from civil_rgbd.builder.shares import Share, read_divisions
+from civil_rgbd.builder.shares import BEGIN_WAIT_S, Share, gate_of, read_divisions
 from civil_rgbd.domain.bridge import Manifest
 from civil_rgbd.domain.recording import RecordingNotes
 from civil_rgbd.errors import BridgeFailedError, CivilRgbdError, UsageError
@@ -76,7 +76,8 @@ def finish_bridges(
 def _finish(dataset: Place, bridge_id: str, *, overwrite: bool) -> BuildReport:
     started = time.monotonic()
     partial, folder = dataset / PARTIAL / bridge_id, dataset / BRIDGES / bridge_id
-    with folder_lock(partial):
+    # A part that begins meanwhile would bring back the unfinished build of a bridge that is there.
+    with folder_lock(gate_of(partial), wait_s=BEGIN_WAIT_S), folder_lock(partial):
         recover_folder(folder)
         facts = read_facts(partial)
         # The same bridge is there only where somebody built it whole beside the parts.

@@ -13,7 +13,15 @@ from civil_rgbd.errors import UsageError
 from civil_rgbd.format.atomic import whole_file
 from civil_rgbd.storage.places import Place
 
+BEGIN_WAIT_S: Final = 600.0
+"""How long to wait at the gate: other parts of the same build plan and check meanwhile."""
+
 _DIVISION: Final = "division-"
+
+
+def gate_of(partial: Place) -> Place:
+    """Name what those lock who begin a part of a build, or finish it: one after the other."""
+    return partial.with_name(f"{partial.name}.begin")
 
 
 @dataclass(frozen=True, slots=True)

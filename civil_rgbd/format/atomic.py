@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import platform
 import random
@@ -22,6 +23,7 @@ from civil_rgbd.storage.remote_path import RemotePath
 
 _POLL_S: Final = 0.05
 _SHARERS: Final = 4096  # on Windows
+_TRIES: Final = 100  # to open a file whose folder others take away when they end
 _LOCKED_BYTE: Final = 1 << 30  # beyond the holder's note: Windows forbids reading a locked byte
 _held: set[tuple[int, str]] = set()  # (process, lock file): POSIX locks do not bar their own holder
 
@@ -231,23 +233,32 @@ def _fix(lock_file: Path) -> str:
 
 
 def _try(lock_file: Path, *, shared: bool) -> int | None:
-    with writing(lock_file):
-        # The last build that ends takes the folder away, perhaps since we made it.
-        lock_file.parent.mkdir(parents=True, exist_ok=True)
-        handle = os.open(lock_file, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        _lock(handle, shared=shared)
-    except OSError:
-        os.close(handle)
-        return None
-    if os.name != "nt" and not _is_still(handle, lock_file):
-        os.close(handle)  # its last holder deleted it between our opening and our locking
-        return None
+    handle = None
+    while handle is None:
+        handle = _opened(lock_file)
+        try:
+            _lock(handle, shared=shared)
+        except OSError:
+            os.close(handle)
+            return None
+        if os.name != "nt" and not _is_still(handle, lock_file):
+            os.close(handle)  # its last holder deleted it between our opening and our locking
+            handle = None
     with contextlib.suppress(OSError):  # the note is a courtesy; a full disk must not stop us here
         os.ftruncate(handle, 0)
         note = f"process {os.getpid()} on {platform.node()}"
         os.write(handle, (f"one of several parts, {note}," if shared else note).encode())
     return handle
+
+
+def _opened(lock_file: Path) -> int:
+    with writing(lock_file):
+        for _ in range(_TRIES):
+            with contextlib.suppress(FileNotFoundError):
+                # The last build that ends takes the folder away, perhaps since we made it.
+                lock_file.parent.mkdir(parents=True, exist_ok=True)
+                return os.open(lock_file, os.O_RDWR | os.O_CREAT, 0o644)
+        raise FileNotFoundError(errno.ENOENT, "its folder is taken away again and again")
 
 
 def _is_still(handle: int, lock_file: Path) -> bool:

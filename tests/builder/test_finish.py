@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from civil_rgbd.builder import finish
 from civil_rgbd.builder.bridge_build import Order
 from civil_rgbd.builder.facts import FACTS
 from civil_rgbd.builder.finish import finish_bridges, unfinished
@@ -162,6 +163,22 @@ def test_parts_that_are_still_made_are_waited_for_by_hand(
     assert isinstance(outcome.error, OutputError)
     assert "one of several parts" in str(outcome.error)
     assert finish_bridges(tmp_path).failed == ()
+
+
+def test_a_part_that_begins_is_waited_for(
+    recording: SimulatedRecording, recipe: Recipe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order = Order(INFO, lambda: recording)
+    build_bridges([order], recipe, tmp_path, BuildOptions(share=Share(1, 1)))
+    monkeypatch.setattr(finish, "BEGIN_WAIT_S", 0.1)
+
+    with folder_lock(tmp_path / PARTIAL / f"{INFO.bridge_id}.begin"):
+        report = finish_bridges(tmp_path)
+    assert report.failed
+    assert "is writing here" in str(report.outcomes[0].error)
+    assert not (tmp_path / BRIDGES).exists()
+
+    assert not finish_bridges(tmp_path).failed
 
 
 def test_a_whole_build_keeps_parts_away(

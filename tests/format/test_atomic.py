@@ -318,3 +318,22 @@ def test_a_sharer_waits_for_who_holds_it_alone(tmp_path: Path) -> None:
             pass
     finally:
         end(process)
+
+
+@posix_only
+def test_a_lock_that_went_while_it_was_taken_is_taken_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lock_file, really = tmp_path / "sets/.B1.lock", atomic._lock
+    left = [lock_file.parent]
+
+    def after_its_last_holder(handle: int, *, shared: bool) -> None:
+        if left:
+            lock_file.unlink()
+            left.pop().rmdir()
+        really(handle, shared=shared)
+
+    monkeypatch.setattr(atomic, "_lock", after_its_last_holder)
+
+    with folder_lock(tmp_path / "sets/B1"):  # does not wait, and need not
+        assert lock_file.is_file()
