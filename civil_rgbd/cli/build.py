@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @click.option(
     "--recipe",
     "recipe_name",
-    default="250k",
+    default="250k-clean",
     show_default=True,
     metavar="NAME|FILE",
     help="A recipe that ships (see `civil-rgbd recipes`), or a TOML file.",
