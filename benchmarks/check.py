@@ -33,6 +33,7 @@ from civil_rgbd.builder.recipes import load_recipe
 from civil_rgbd.cli.check import gather
 from civil_rgbd.domain.recording import RecordingOptions
 from civil_rgbd.health.check import check_recording
+from civil_rgbd.health.check_report import CheckReport
 from civil_rgbd.resources import cache_folder
 from civil_rgbd.simulator.recorder import write_recording
 from civil_rgbd.simulator.spec import ScanSpec, usual_spec
@@ -44,7 +45,12 @@ faults: Any = import_module("tests.recording_faults")
 
 CLEAN: Final = "clean"
 NEEDS_TURNING: Final = ("time-offset", "extrinsics")
-DEPENDS_ON: Final = ("civil_rgbd/health", "tests/planted.py", "tests/recording_faults.py")
+DEPENDS_ON: Final = (
+    "civil_rgbd/health",
+    "benchmarks/check.py",
+    "tests/planted.py",
+    "tests/recording_faults.py",
+)
 
 
 @dataclass(frozen=True)
@@ -98,12 +104,14 @@ def recording_of(base: Base, folder: Path) -> Path:
 def measure(path: Path) -> dict[str, Any]:
     """Check one recording."""
     wall, used = time.perf_counter(), time.process_time()
-    given, _ = gather((str(path),), RecordingOptions(source_hash=False))
+    given, said = gather((str(path),), RecordingOptions(source_hash=False))
     figures = check_recording(given, load_recipe("250k"))
+    lacks = tuple(finding for finding in said if finding.level == "error")
+    report = CheckReport(path.stem, 0.0, figures, lacks=lacks)
     offset = next((f for f in figures if f.code == "time-offset"), None)
     turn = next((f for f in figures if f.code == "extrinsics"), None)
     return {
-        "found": [figure.code for figure in figures if figure.found],
+        "found": [finding.code for finding in (*report.found, *report.missing)],
         "offset": None if offset is None or offset.value is None else offset.detail,
         "turn": None if turn is None or turn.value is None else turn.detail,
         "processor_s": time.process_time() - used,

@@ -161,10 +161,13 @@ def restamp(topics: tuple[str, ...], new_stamp: Callable[[int], int]) -> Edit:
 
 
 def log_later(delay_ns: Callable[[], int]) -> Edit:
-    """Let the recorder take every message some time later."""
+    """Let the recorder take every message some time later; those of a topic keep their order."""
+    last: dict[str, int] = {}
 
     def edit(message: Message) -> Iterator[Message]:
-        yield replace(message, log_ns=message.log_ns + delay_ns())
+        late_ns = max(message.log_ns + delay_ns(), last.get(message.topic, 0) + 1)
+        last[message.topic] = late_ns
+        yield replace(message, log_ns=late_ns)
 
     return edit
 
