@@ -181,7 +181,7 @@ def _sampled(sample: Sample, image: Tensor | None, columns: Tensor, rows: Tensor
     place = v.clamp(0, height - 1) * width + u.clamp(0, width - 1)
 
     def seen(plane: Tensor) -> Tensor:
-        values = plane.flatten(-2)[..., place.flatten()].unflatten(-1, place.shape)
+        values = plane.flatten(-2)[..., place.flatten()].reshape(*plane.shape[:-2], *place.shape)
         return torch.where(inside, values, torch.zeros((), dtype=values.dtype))
 
     planes = over_planes(sample, seen, names=("depth", "valid"))

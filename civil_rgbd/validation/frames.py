@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -203,12 +203,12 @@ def _contradictions(planes: Planes, depth_path: Place) -> Iterator[_Fault]:
     if any(plane.shape != depth_m.shape for plane in planes.values()):
         return  # said already
     measured = depth_m > 0
-    wrong = {
+    contradicts: dict[str, Callable[[NDArray[np.floating]], NDArray[np.bool_]]] = {
         "sigma_m": lambda plane: (plane > 0) != measured,
         "empty": lambda plane: (plane == 0) != measured,
         "returns": lambda plane: (plane < 1) & measured,
     }
-    for name, test in wrong.items():
+    for name, test in contradicts.items():
         count = int(np.count_nonzero(test(planes[name]))) if name in planes else 0
         if count:
             yield "quality-values", f"{name} contradicts the depth in {count} pixels"
