@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 from recordings import MemoryRecording, trajectory_of  # a script finds its neighbours
 
 from civil_rgbd.builder.plan import plan_frames
-from civil_rgbd.domain.recipe import AccumulateStage, ImageStage, Recipe, SelectStage
+from civil_rgbd.domain.recipe import (
+    AccumulateStage,
+    ImageStage,
+    QualityStage,
+    Recipe,
+    SelectStage,
+    VisibilityStage,
+)
 from civil_rgbd.domain.rig import Rig
 from civil_rgbd.domain.scan import LidarScan
 from civil_rgbd.geometry.camera import LensCamera, PinholeCamera
@@ -75,6 +82,8 @@ def main() -> None:
                 select=SelectStage(0.0),
                 accumulate=AccumulateStage(points=50_000),
                 image=ImageStage(scale=scale),
+                visibility=VisibilityStage(points=100_000),
+                quality=QualityStage(),
             )
             source = recording(lens)
             plan = plan_frames(source, recipe)
@@ -86,6 +95,8 @@ def main() -> None:
                 hashes[name] = [
                     digest(frame.rgb),
                     digest(frame.depth_m),
+                    outcome.pixels_removed,
+                    *map(digest, (frame.quality or {}).values()),
                     digest(frame.T_map_camera),
                     outcome.points_in_view,
                 ]

@@ -23,6 +23,7 @@ from civil_rgbd.errors import BuildError
 from civil_rgbd.format.hashes import pixel_sha256
 from civil_rgbd.format.images import decode_image, encode_image
 from civil_rgbd.format.manifest import manifest_to_document
+from civil_rgbd.format.quality_exr import quality_sha256
 from civil_rgbd.format.reader import Bridge
 from civil_rgbd.geometry.transforms import quaternion_from_matrix
 from civil_rgbd.pipeline.frames import FrameMaker, PlannedFrame
@@ -38,7 +39,7 @@ class Difference:
     Attributes:
         bridge_id: of which bridge.
         frame_id: which.
-        of: ``rgb``, ``depth`` or ``frame``.
+        of: ``rgb``, ``depth``, ``quality`` or ``frame``.
         what: in words.
         share: of the pixels that differ; None where none could be compared.
         largest: difference of two pixels: levels of a colour, or metres.
@@ -233,6 +234,10 @@ def _compare(
     if pixel_sha256(frame.depth_m) != row.depth_pixel_sha256:
         stored_m = bridge.read_depth(row)
         differences.append(_in_pixels(replace(found, of="depth"), frame.depth_m, stored_m))
+    stored = bridge.read_quality(row)
+    if frame.quality and stored and quality_sha256(frame.quality) != row.quality_pixel_sha256:
+        planes = [np.stack([of[name] for name in sorted(of)], 2) for of in (frame.quality, stored)]
+        differences.append(_in_pixels(replace(found, of="quality"), *planes))
     return differences
 
 

@@ -121,14 +121,14 @@ def expected_error(
     """Return mean and standard deviation of depth - truth, for (H, W) pixels with depth."""
     slopes = slopes_of(depth_m, camera, noise_m=stage.range_noise_m)
     sigma_m = _one_return(depth_m, slopes, camera, depth, stage)
-    rough2 = np.maximum(slopes.rough_m**2 - sigma_m**2, 0.0)
-    both2 = sigma_m**2 + slopes.spread_m**2 + rough2
+    one2 = sigma_m**2
+    both2 = one2 + slopes.spread_m**2 + np.maximum(slopes.rough_m**2 - one2, 0.0)
     count = returns_within(winners, _SAME_SURFACE_SIGMAS * np.sqrt(both2))
     of, means, variances = _LARGEST_OF.T
     mean, variance = np.interp(count, of, means), np.interp(count, of, variances)
     with np.errstate(divide="ignore", invalid="ignore"):  # 0 / 0 where there is no depth
-        bias_m = -mean * sigma_m**2 / np.sqrt(both2)
-        left2 = sigma_m**2 - (1 - variance) * sigma_m**4 / both2
+        bias_m = -mean * one2 / np.sqrt(both2)
+        left2 = one2 - (1 - variance) * one2 * one2 / both2
     measured = depth_m != NO_DEPTH_M
     return ExpectedError(
         np.where(measured, np.sqrt(left2), 0.0),
