@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _STYLES: Final = {SAME: "-", REMAINDER: "--", APART: ":"}
 _SIZE_IN: Final = (7.0, 3.6)
+_LONGEST_LABEL: Final = 28  # letters
 
 
 def require_matplotlib() -> None:
@@ -53,7 +54,7 @@ def shots_chart(rows: Sequence[TableRow]) -> str:
                 fmt=f"o{line}",
                 color=f"C{number}",
                 capsize=3,
-                label=f"{model}, {test}",
+                label=f"{_short(model)}, {test}",
             )
     axes.set_xlabel("shots: frames of the test bridge among the training frames")
     axes.set_ylabel(label_of(metric))
@@ -73,11 +74,20 @@ def range_chart(rows: Sequence[TableRow], ranges: Sequence[dict[str, float | Non
             list(values),
             [math.nan if value is None else value for value in values.values()],
             marker="o",
-            label=f"{row.model}, {row.shots} shots",
+            label=f"{_short(row.model)}, {row.shots} shots",
         )
     axes.set_xlabel("true depth")
     axes.set_ylabel("AbsRel, pixels pooled")
     return _svg(figure, axes)
+
+
+def _short(model: str) -> str:
+    """Return the end of a long name: a path in a legend would leave no room for the axes.
+
+    >>> _short("runs/cells/bts-small/seed-0/shots-20/model.pt")
+    '.../seed-0/shots-20/model.pt'
+    """
+    return model if len(model) <= _LONGEST_LABEL else "..." + model[-(_LONGEST_LABEL - 3) :]
 
 
 def _figure() -> tuple[Figure, Axes]:
