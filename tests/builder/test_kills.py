@@ -48,7 +48,7 @@ def start(out: Path, executor: str, workers: int) -> subprocess.Popen[str]:
         text=True,
         start_new_session=True,
         # A suite that runs in the background hands on that interrupts are ignored.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509  # no threads here
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "started\n"

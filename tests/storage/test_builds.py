@@ -104,7 +104,7 @@ def test_a_killed_build_goes_on_to_the_same_bytes(
         assert process.stdout.readline() == "started\n"
         if kills < KILLS:
             # The first before anything can be whole, later ones ever further on.
-                time.sleep(generator.uniform(0.0, 0.4) * (1 + 2 * kills))
+            time.sleep(generator.uniform(0.0, 0.4) * (1 + 2 * kills))
             process.send_signal(signal.SIGKILL)
         code = process.wait(timeout=120)
         process.stdout.close()
