@@ -10,8 +10,8 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from civil_rgbd.errors import FormatError, OutputError
-from civil_rgbd.format.atomic import whole_file
+from civil_rgbd.errors import FormatError
+from civil_rgbd.format.exr_file import write_exr
 from civil_rgbd.format.exr_layout import chunk_fault, depth_fault, read_layout
 from civil_rgbd.format.hashes import float_fault
 from civil_rgbd.storage.places import Place
@@ -52,21 +52,7 @@ def write_depth(path: Place, depth_m: NDArray[np.float32], *, sync: bool = True)
     fault = value_fault(depth_m)
     if fault:
         raise ValueError(fault)
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    image = OpenEXR.File(header, {CHANNEL: np.ascontiguousarray(depth_m)})
-    with whole_file(path, sync=sync) as scratch:
-        # Through a path, not a stream: OpenEXR before 3.5 writes to paths only. It notices a full
-        # disk up to the last byte, and says so in a RuntimeError.
-        scratch.touch()  # a folder that takes no file gets the system's own words
-        try:
-            image.write(str(scratch))
-        except RuntimeError as error:
-            raise OutputError(
-                f"cannot write depth: {error}",
-                where=path,
-                fix="free some space, or make the folder writable, or write elsewhere",
-            ) from error
-        return scratch.read_bytes()
+    return write_exr(path, {CHANNEL: depth_m}, what="depth", sync=sync)
 
 
 def read_depth(path: Place, *, size: tuple[int, int] | None = None) -> NDArray[np.float32]:

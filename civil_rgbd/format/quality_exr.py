@@ -11,9 +11,9 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from civil_rgbd.errors import FormatError, OutputError
-from civil_rgbd.format.atomic import whole_file
+from civil_rgbd.errors import FormatError
 from civil_rgbd.format.depth_exr import read_bytes
+from civil_rgbd.format.exr_file import write_exr
 from civil_rgbd.format.exr_layout import chunk_fault, read_layout, window_fault
 from civil_rgbd.format.hashes import float_fault, pixel_sha256
 from civil_rgbd.storage.places import Place
@@ -47,20 +47,7 @@ def write_quality(path: Place, planes: Planes, *, sync: bool = True) -> bytes:
     for name, plane in planes.items():
         if fault := float_fault(plane):
             raise ValueError(f"quality plane {name!r}: {fault}")
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    channels = {name: np.ascontiguousarray(planes[name]) for name in sorted(planes)}
-    image = OpenEXR.File(header, channels)
-    with whole_file(path, sync=sync) as scratch:
-        scratch.touch()  # a folder that takes no file gets the system's own words
-        try:
-            image.write(str(scratch))
-        except RuntimeError as error:
-            raise OutputError(
-                f"cannot write quality planes: {error}",
-                where=path,
-                fix="free some space, or make the folder writable, or write elsewhere",
-            ) from error
-        return scratch.read_bytes()
+    return write_exr(path, planes, what="quality planes", sync=sync)
 
 
 def read_quality(path: Place, *, size: tuple[int, int] | None = None) -> Planes:
