@@ -35,12 +35,14 @@ class Carrying:
         stands_s: before setting off.
         sway: of looking around and swaying, 1 = as a person does.
         seed: of when the walker looks where.
+        starts_m: how far along the way it begins.
     """
 
     speed_m_s: float
     stands_s: float
     sway: float
     seed: int
+    starts_m: float = 0.0
 
 
 def setting_off(t_s: Floats, stands_s: float) -> tuple[Floats, Floats]:
@@ -77,7 +79,7 @@ def carried(path: WalkPath, how: Carrying, t_s: Floats) -> tuple[Floats, Floats]
     walked_s, share = setting_off(t_s, how.stands_s)
     live = share * min(how.speed_m_s, 1.0) * how.sway  # who stands still does not bob
     phases = np.random.default_rng([how.seed, 6]).random(10)
-    feet, slope = path.ground(how.speed_m_s * walked_s)
+    feet, slope = path.ground(how.starts_m + how.speed_m_s * walked_s)
     step = _STEPS_HZ * walked_s
     places = _chest(feet, slope, live, step)
     yaw_sweep = _sweep(walked_s, _SWEEP_S, phases[:2])

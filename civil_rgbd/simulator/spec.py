@@ -40,6 +40,7 @@ _LIMITS: Final[dict[str, tuple[float, float]]] = {
     "range_at_10_percent_m": (0.0, 450.0),
     "beam_width_deg": (0.0, 1.0),
     "stands_s": (0.0, 60.0),
+    "starts_m": (0.0, 1000.0),
     "sway": (0.0, 3.0),
     "imu_noise": (0.0, 100.0),
     "drift_m_per_root_s": (0.0, 1.0),
@@ -51,7 +52,7 @@ _LIMITS: Final[dict[str, tuple[float, float]]] = {
 _YOUNGER: Final = frozenset(
     {
         "moving", "scene_seed", "pattern", "range_at_10_percent_m", "beam_width_deg", "stands_s",
-        "sway", "imu_noise", "drift_m_per_root_s", "yaw_drift_deg_per_root_s",
+        "starts_m", "sway", "imu_noise", "drift_m_per_root_s", "yaw_drift_deg_per_root_s",
         "exposure_settles_s", "exposure_s", "mesh",
     }
 )  # fmt: skip
@@ -90,6 +91,7 @@ class ScanSpec:
         beam_width_deg: height of the beam's footprint, which at edges mixes two ranges into one;
             the Avia's is 0.28. 0: a ray.
         stands_s: how long the walker stands still before setting off.
+        starts_m: how far along the way the walk begins.
         sway: how much of the walker's looking around and swaying, 1 = as a person does.
         imu_noise: noise and biases of the IMU, 1 = those of the Avia's.
         drift_m_per_root_s: random walk of the recorded poses, on each axis: after T seconds they
@@ -122,6 +124,7 @@ class ScanSpec:
     range_at_10_percent_m: float = 0.0
     beam_width_deg: float = 0.0
     stands_s: float = 0.0
+    starts_m: float = 0.0
     sway: float = 1.0
     imu_noise: float = 0.0
     drift_m_per_root_s: float = 0.0

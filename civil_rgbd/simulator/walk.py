@@ -53,7 +53,7 @@ def imu_poses(
         w >= 0: ``T_map_imu``.
     """
     t = (stamps_ns - START_NS).astype(np.float64) / NS_PER_S
-    how = Carrying(spec.speed_m_s, spec.stands_s, spec.sway, spec.seed)
+    how = Carrying(spec.speed_m_s, spec.stands_s, spec.sway, spec.seed, spec.starts_m)
     path = site_for(spec).path
     place, quaternions = _stroll(t, how) if path is None else carried(path, how, t)
     return place + np.asarray(spec.map_offset_m), unit_twice(quaternions)
@@ -67,7 +67,9 @@ def _stroll(
     if how.stands_s:
         t, share = setting_off(t, how.stands_s)
         moving = moving * share
-    oval = _START_TURNS + t * (how.speed_m_s / _HALF_LENGTH_M / (2 * math.pi))
+    # One metre of the way is one along the oval's long sides.
+    begin = _START_TURNS + how.starts_m / _HALF_LENGTH_M / (2 * math.pi)
+    oval = begin + t * (how.speed_m_s / _HALF_LENGTH_M / (2 * math.pi))
     sin, cos = sine(oval), cosine(oval)
     gait = 1.8 * t  # steps a second
     x = -_HALF_LENGTH_M * cos

@@ -204,3 +204,22 @@ def test_the_demos_walker_may_stand_first_too() -> None:
     assert np.ptp(places[:199], axis=0).max() == 0
     assert np.ptp(turns[:199], axis=0).max() == 0
     assert np.linalg.norm(places[-1] - places[0]) > 1.5
+
+
+@pytest.mark.parametrize(("bridge", "way_m"), [("demo", 10.0), ("B3", 9.25)])
+def test_a_walk_that_begins_further_along_stands_where_another_one_passes(
+    bridge: str, way_m: float
+) -> None:
+    walk = ScanSpec(bridge, seconds=12.0, speed_m_s=1.0, sway=0.0)
+    stands = replace(walk, speed_m_s=0.0, starts_m=way_m)  # B3's walker sets off within 1.5 s
+    after_10_s = np.array([START_NS + 10 * 10**9])
+
+    passed, here = (imu_poses(spec, after_10_s)[0] for spec in (walk, stands))
+
+    assert np.linalg.norm(here - imu_poses(walk, after_10_s - 10 * 10**9)[0]) > 5
+    np.testing.assert_allclose(here, passed, rtol=0, atol=1e-9)
+
+
+def test_a_beginning_that_nobody_asks_for_changes_no_hash() -> None:
+    assert "starts_m" not in ScanSpec().document()
+    assert ScanSpec(starts_m=3.0).document()["starts_m"] == 3.0
