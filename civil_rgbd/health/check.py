@@ -24,7 +24,7 @@ from civil_rgbd.health.inspection import choose
 from civil_rgbd.health.pictures import look_at_pictures, picture_figures
 from civil_rgbd.health.rates import drift_figure as clock_figure
 from civil_rgbd.health.rates import rate_figures, timing_figures
-from civil_rgbd.health.sampling import Stretch, stretches_of, viewer_of
+from civil_rgbd.health.sampling import Stretch, Views, stretches_of, viewer_of
 from civil_rgbd.health.steadiness import drift_figure, jump_figures
 from civil_rgbd.health.tracks import tracks_of
 from civil_rgbd.health.turning import TimeOffset, time_offset, turn_of_mounting
@@ -112,8 +112,8 @@ def _mounting(given: CheckInput, stretches: tuple[Stretch, ...]) -> Iterator[Fig
         yield Figure("extrinsics", None, _NO_POSES)
         yield _inverted(recording)
         return
-    viewer = viewer_of(recording.rig.camera)
-    tracks = tracks_of(recording, stretches, viewer)
+    views = Views(recording)
+    tracks = tracks_of(recording, stretches, views)
     offset = time_offset(recording, tracks)
     yield _offset_figure(recording, offset)
     if offset.offset_s is None:
@@ -121,7 +121,7 @@ def _mounting(given: CheckInput, stretches: tuple[Stretch, ...]) -> Iterator[Fig
         yield Figure("extrinsics", None, offset.why_not)
         yield _inverted(recording)
         return
-    edges = depth_edges(recording, stretches, viewer, offset.offset_s)
+    edges = depth_edges(recording, stretches, views, offset.offset_s)
     alignment = align(edges, turn_of_mounting(recording, tracks, offset.offset_s))
     yield _extrinsics_figure(recording, alignment)
     yield Figure("rig-inverted", 0.0) if alignment.turn_deg else _inverted(recording)

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.geometry.camera import PinholeCamera
-from civil_rgbd.geometry.transforms import inverse, transform_points
-from civil_rgbd.health.sampling import Stretch, Viewer, camera_poses, image_stamps, small_grey
+from civil_rgbd.geometry.transforms import inverse
+from civil_rgbd.health.nearest import nearest_a_cell
+from civil_rgbd.health.sampling import Stretch, Views, camera_poses, image_stamps
 
 Floats = NDArray[np.float64]
 
@@ -47,55 +48,56 @@ class DepthEdges:
 
 
 def depth_edges(
-    recording: Recording, stretches: Sequence[Stretch], viewer: Viewer, shift_s: float
+    recording: Recording, stretches: Sequence[Stretch], views: Views, shift_s: float
 ) -> DepthEdges:
     """Find the depth edges around some images of each stretch.
 
     Args:
         recording: with poses.
         stretches: of it.
-        viewer: of its camera.
+        views: of its images.
         shift_s: to be added to the images' stamps beyond what the rig says.
     """
-    stamps_ns = image_stamps(recording) + round(shift_s * 1e9)
+    stamps_ns, camera = image_stamps(recording) + round(shift_s * 1e9), views.camera
     pictures: list[NDArray[np.uint8]] = []
     parts: list[tuple[Floats, NDArray[np.bool_], int]] = []
     wanted = int(np.clip(_IMAGES // max(1, len(stretches)), 1, _IMAGES_A_STRETCH))
     for stretch in stretches:
         for index in stretch.images[1 :: max(1, len(stretch.images) // wanted)]:
-            small = small_grey(recording, index, viewer.reduction)
-            if small is None:
+            grey = views.at(index)
+            if grey is None:
                 continue
             near = np.abs(stretch.stamps_ns - stamps_ns[index]) < _WITHIN_NS
             T_map_camera = camera_poses(recording, stamps_ns[index : index + 1])[0]
-            points = transform_points(inverse(T_map_camera), stretch.points_map[near])
-            rays, upright = _edges_of(points, viewer.camera)
+            points_map = stretch.points_map[near]
+            rays, upright = edges_seen(points_map, inverse(T_map_camera), camera)
             step = max(1, len(rays) // _MOST_EDGES)
             parts.append((rays[::step], upright[::step], len(pictures)))
-            pictures.append(viewer.look(small))
-    shape = (0, viewer.camera.height_px, viewer.camera.width_px)
+            pictures.append(grey)
+    shape = (0, camera.height_px, camera.width_px)
     return DepthEdges(
         np.concatenate([np.zeros((0, 3)), *(rays for rays, _, _ in parts)]),
         np.concatenate([np.zeros(0, np.bool_), *(upright for _, upright, _ in parts)]),
         np.concatenate([np.zeros(0, np.int64), *(np.full(len(r), n) for r, _, n in parts)]),
         np.stack(pictures) if pictures else np.zeros(shape, np.uint8),
-        viewer.camera,
+        camera,
     )
 
 
-def _edges_of(points_camera: Floats, camera: PinholeCamera) -> tuple[Floats, NDArray[np.bool_]]:
-    points = points_camera[points_camera[:, 2] > 0.5]
-    u = camera.fx_px * points[:, 0] / points[:, 2] + camera.cx_px
-    v = camera.fy_px * points[:, 1] / points[:, 2] + camera.cy_px
-    inside = (u >= 0) & (v >= 0) & (u < camera.width_px) & (v < camera.height_px)
-    u, v, z = u[inside], v[inside], points[inside, 2]
-    shape = (camera.height_px // _CELL_PX + 1, camera.width_px // _CELL_PX + 1)
-    far_first = np.argsort(-z, kind="stable")
-    u, v, z = u[far_first], v[far_first], z[far_first]
-    cells = (v / _CELL_PX).astype(int), (u / _CELL_PX).astype(int)
-    table = np.zeros((3, *shape))
-    for layer, values in zip(table, (u, v, z), strict=True):
-        layer[cells] = values  # the last, nearest one stays
+def edges_seen(
+    points_map: Floats, T_camera_map: Floats, camera: PinholeCamera
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Find where neighbouring points lie at different depths, as a camera sees them.
+
+    Args:
+        points_map: (N, 3) metres.
+        T_camera_map: (4, 4) map to camera.
+        camera: its pinhole.
+
+    Returns:
+        directions (E, 3) in the camera, z = 1; and whether the depth changes along a row (E,).
+    """
+    table = nearest_a_cell(points_map, T_camera_map, camera, _CELL_PX)
     along = _between(table)
     down = _between(np.ascontiguousarray(table.transpose(0, 2, 1)))
     at = np.concatenate([along, down])

@@ -107,6 +107,28 @@ def small_grey(recording: Recording, index: int, reduction: int) -> NDArray[np.u
     return small
 
 
+class Views:
+    """The images of a recording as one pinhole sees them; each is decoded once.
+
+    Attributes:
+        viewer: that undistorts them.
+        camera: its pinhole.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self.viewer = viewer_of(recording.rig.camera)
+        self.camera = self.viewer.camera
+        self._recording = recording
+        self._seen: dict[int, NDArray[np.uint8] | None] = {}
+
+    def at(self, index: int) -> NDArray[np.uint8] | None:
+        """Return one image, (H, W) uint8, grey; None where it cannot be decoded."""
+        if index not in self._seen:
+            small = small_grey(self._recording, index, self.viewer.reduction)
+            self._seen[index] = None if small is None else self.viewer.look(small)
+        return self._seen[index]
+
+
 def image_stamps(recording: Recording) -> NDArray[np.int64]:
     """Return the images' stamps on the LiDAR's clock, as far as the rig knows it."""
     return recording.image_stamps_ns + recording.rig.camera_time_offset_ns

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.geometry.camera import PinholeCamera
-from civil_rgbd.geometry.transforms import inverse, transform_points
-from civil_rgbd.health.sampling import Stretch, Viewer, camera_poses, image_stamps, small_grey
+from civil_rgbd.geometry.transforms import inverse
+from civil_rgbd.health.nearest import nearest_a_cell
+from civil_rgbd.health.sampling import Stretch, Views, camera_poses, image_stamps
 
 Floats = NDArray[np.float64]
 
@@ -47,44 +48,41 @@ class Track:
 
 
 def tracks_of(
-    recording: Recording, stretches: Sequence[Stretch], viewer: Viewer
+    recording: Recording, stretches: Sequence[Stretch], views: Views
 ) -> tuple[Track, ...]:
     """Follow features through the images of each stretch."""
-    return tuple(track for stretch in stretches for track in _tracks_in(recording, stretch, viewer))
+    return tuple(track for stretch in stretches for track in _tracks_in(recording, stretch, views))
 
 
-def _tracks_in(recording: Recording, stretch: Stretch, viewer: Viewer) -> Iterator[Track]:
+def _tracks_in(recording: Recording, stretch: Stretch, views: Views) -> Iterator[Track]:
     stamps_ns = image_stamps(recording)
     points_map = stretch.points_map[::_EVERY]
     before: tuple[int, NDArray[np.uint8]] | None = None
     for index in stretch.images:
-        small = small_grey(recording, index, viewer.reduction)
-        if small is None:
+        stamp_ns, grey = int(stamps_ns[index]), views.at(index)
+        if grey is None:
             continue
-        stamp_ns, grey = int(stamps_ns[index]), viewer.look(small)
         if before is not None and 0 < stamp_ns - before[0] < _LONGEST_NS:
-            followed = _followed(before[1], grey, viewer)
+            followed = _followed(before[1], grey, views)
             if followed is not None:
                 T_map_camera = camera_poses(recording, np.array([before[0]]))[0]
-                depths = _depths(
-                    transform_points(inverse(T_map_camera), points_map), viewer.camera, followed[0]
-                )
-                rays, seen = (_rays(pixels, viewer.camera) for pixels in followed)
+                depths = _depths(points_map, inverse(T_map_camera), views.camera, followed[0])
+                rays, seen = (_rays(pixels, views.camera) for pixels in followed)
                 yield Track(before[0], stamp_ns, rays, seen, depths)
         before = stamp_ns, grey
 
 
 def _followed(
-    first: NDArray[np.uint8], second: NDArray[np.uint8], viewer: Viewer
+    first: NDArray[np.uint8], second: NDArray[np.uint8], views: Views
 ) -> tuple[Floats, Floats] | None:
-    mask = viewer.exists.astype(np.uint8)
+    mask = views.viewer.exists.astype(np.uint8)
     corners = cv2.goodFeaturesToTrack(first, _FEATURES, 0.01, 10, mask=mask)
     if corners is None or len(corners) < FEWEST_FEATURES:
         return None
     found, status, _ = cv2.calcOpticalFlowPyrLK(
         first, second, corners, None, winSize=(15, 15), maxLevel=4
     )
-    last = viewer.camera.width_px - 1, viewer.camera.height_px - 1
+    last = views.camera.width_px - 1, views.camera.height_px - 1
     inside = ((found[:, 0] >= 0) & (found[:, 0] < last)).all(axis=1)
     good = (status[:, 0] == 1) & inside
     if good.sum() < FEWEST_FEATURES:
@@ -92,16 +90,12 @@ def _followed(
     return corners[good, 0].astype(np.float64), found[good, 0].astype(np.float64)
 
 
-def _depths(points_camera: Floats, camera: PinholeCamera, pixels: Floats) -> Floats:
+def _depths(
+    points_map: Floats, T_camera_map: Floats, camera: PinholeCamera, pixels: Floats
+) -> Floats:
     """Return a coarse depth for each of (F, 2) pixels: the nearest point's about it."""
-    points = points_camera[points_camera[:, 2] > 0.5]
-    u = (camera.fx_px * points[:, 0] / points[:, 2] + camera.cx_px) / _CELL_PX
-    v = (camera.fy_px * points[:, 1] / points[:, 2] + camera.cy_px) / _CELL_PX
-    shape = (camera.height_px // _CELL_PX + 1, camera.width_px // _CELL_PX + 1)
-    inside = (u >= 0) & (v >= 0) & (u < shape[1]) & (v < shape[0])
-    near = np.zeros(shape, dtype=np.float32)
-    cells = v[inside].astype(int), u[inside].astype(int)
-    np.maximum.at(near, cells, (1 / points[inside, 2]).astype(np.float32))
+    depth_m = nearest_a_cell(points_map, T_camera_map, camera, _CELL_PX)[2]
+    near = np.divide(1, depth_m, out=np.zeros_like(depth_m), where=depth_m > 0)
     usual = float(np.median(near[near > 0])) if (near > 0).any() else 1 / _USUAL_DEPTH_M
     spread = cv2.dilate(near, np.ones((3, 3)))
     filled: Floats = 1 / np.where(near > 0, near, np.where(spread > 0, spread, usual))

@@ -8,7 +8,7 @@ import pytest
 
 from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.health.alignment import align
-from civil_rgbd.health.depth_edges import DepthEdges, _edges_of
+from civil_rgbd.health.depth_edges import DepthEdges, edges_seen
 
 CAMERA = PinholeCamera(640, 360, 320.0, 320.0, 319.5, 179.5)
 
@@ -103,7 +103,7 @@ def test_depth_edges_lie_between_near_and_far_and_not_at_points_seen_through_gap
         depth_m,
     ])  # fmt: skip
 
-    rays, upright = _edges_of(points, CAMERA)
+    rays, upright = edges_seen(points, np.eye(4), CAMERA)
     at_px = rays[:, 0] * 320 + 319.5
 
     assert upright.all()
