@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import warnings
 from collections.abc import Iterator
@@ -44,6 +45,8 @@ class Processes:
 def joined(device: str) -> Iterator[Processes]:
     """Join the processes that ``torchrun`` started; alone where it did not.
 
+    No model may be held any more when the process leaves.
+
     Args:
         device: ``auto``, ``cpu``, ``cuda``, ``cuda:1``, ``mps``.
 
@@ -63,7 +66,17 @@ def joined(device: str) -> Iterator[Processes]:
     try:
         yield Processes(distributed.get_rank(), count, chosen)
     finally:
-        distributed.destroy_process_group()
+        leave()
+
+
+def leave() -> None:
+    """Leave the other processes.
+
+    A distributed model keeps gloo's threads for as long as it lives, and a model in a cycle of
+    references lives until Python ends, which aborts when it meets those threads.
+    """
+    gc.collect()
+    distributed.destroy_process_group()
 
 
 def spread(model: nn.Module, processes: Processes) -> nn.Module:

@@ -147,17 +147,33 @@ def train(job: TrainingJob, options: TrainingOptions | None = None) -> TrainingR
             _prepare_folder(job, identity, overwrite=options.overwrite)
         processes.wait()
         frames = TrainingFrames(job.data, job.split.train, job.recipe, seed=job.seed)
+        found = _train_model(job, options, frames, processes, identity)
         order = TrainingOrder(len(frames), job.recipe.run.batch, job.seed)
-        if (job.out / MODEL_FILE).is_file():
-            return _report(job, order, found=None, seconds=time.monotonic() - started)
-        loop = _begun(job, options, frames, order, processes)
-        state = read_checkpoint(job.out / CHECKPOINT, identity=identity)
-        if state is not None:
-            loop.restore(state)
-        found = loop.done
-        _run(loop, frames, job, options, identity)
-        _finish(loop, frames, job, options)
         return _report(job, order, found=found, seconds=time.monotonic() - started)
+
+
+def _train_model(
+    job: TrainingJob,
+    options: TrainingOptions,
+    frames: TrainingFrames,
+    processes: Processes,
+    identity: dict[str, Any],
+) -> int | None:
+    """Train what is missing; return the steps that were found done, None where all were.
+
+    A function of its own, so that the model is gone when the process leaves.
+    """
+    if (job.out / MODEL_FILE).is_file():
+        return None
+    order = TrainingOrder(len(frames), job.recipe.run.batch, job.seed)
+    loop = _begun(job, options, frames, order, processes)
+    state = read_checkpoint(job.out / CHECKPOINT, identity=identity)
+    if state is not None:
+        loop.restore(state)
+    found = loop.done
+    _run(loop, frames, job, options, identity)
+    _finish(loop, frames, job, options)
+    return found
 
 
 def _refuse_uneven(recipe: TrainingRecipe, processes: Processes) -> None:

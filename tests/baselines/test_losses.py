@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, distributed, multiprocessing, nn
 
 from civil_rgbd.baselines.losses import LOSSES, log_sums, over_processes
+from civil_rgbd.training.processes import leave
 
 SHAPE = (2, 1, 5, 7)
 
@@ -133,12 +134,16 @@ def one_process_of_two(rank: int, folder: str) -> None:
     store = distributed.FileStore(f"{folder}/store", 2)
     distributed.init_process_group("gloo", store=store, rank=rank, world_size=2)
     for name in CASES:
-        model = nn.parallel.DistributedDataParallel(Small().eval())
-        loss = loss_of(model, slice(2 * rank, 2 * rank + 2), name)
-        loss.backward()
-        gradients = [parameter.grad for parameter in model.module.parameters()]
-        torch.save((loss.detach(), gradients), f"{folder}/{name} {rank}.pt")
-    distributed.destroy_process_group()
+        save_loss_and_gradients(name, rank, folder)
+    leave()
+
+
+def save_loss_and_gradients(name: str, rank: int, folder: str) -> None:
+    model = nn.parallel.DistributedDataParallel(Small().eval())
+    loss = loss_of(model, slice(2 * rank, 2 * rank + 2), name)
+    loss.backward()
+    gradients = [parameter.grad for parameter in model.module.parameters()]
+    torch.save((loss.detach(), gradients), f"{folder}/{name} {rank}.pt")
 
 
 @pytest.fixture(scope="module")
