@@ -5,19 +5,21 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from civil_rgbd.builder.originals import Fingerprint
 from civil_rgbd.builder.plan import Chunk
+from civil_rgbd.builder.proof import files_unlike
 from civil_rgbd.domain.frame import FrameRow
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.format.atomic import sync_files, whole_file
-from civil_rgbd.format.hashes import file_sha256
 from civil_rgbd.format.writer import row_paths, write_frame
 from civil_rgbd.pipeline.frames import FrameMaker, FrameOutcome, PlannedFrame
 from civil_rgbd.pipeline.prepare import PointCounts
-from civil_rgbd.storage.places import Place, entries_of, files_below, is_remote
+from civil_rgbd.storage.client import Version
+from civil_rgbd.storage.noted_path import noted
+from civil_rgbd.storage.places import Place, entries_of
 
 BRIDGE = "bridge"
 """Inside the partial folder: what becomes the bridge folder."""
@@ -80,10 +82,17 @@ class ChunkRecord:
     Attributes:
         frames: in order.
         point_counts: what became of the points of each scan that was read, by scan.
+        versions: of the frames' objects as they were uploaded, by path; {} for files on a disk.
     """
 
     frames: tuple[FrameRecord, ...]
     point_counts: dict[int, PointCounts]
+    versions: Mapping[str, Version] = field(default_factory=dict)
+
+    @property
+    def rows(self) -> list[FrameRow]:
+        """The rows of the frames that were kept."""
+        return [frame.row for frame in self.frames if frame.row is not None]
 
 
 def run_chunk(
@@ -102,24 +111,24 @@ def run_chunk(
     """
     planned = job.frames[chunk.first : chunk.stop]
     maker.forget_counts()
+    folder, versions = noted(job.partial / BRIDGE)
     frames = []
     for outcome in maker.make(planned):
-        frames.append(_record(job, outcome))
+        frames.append(_record(job, outcome, folder))
         on_frame()
-    record = ChunkRecord(frames=tuple(frames), point_counts=maker.point_counts)
+    record = ChunkRecord(tuple(frames), point_counts=maker.point_counts, versions=versions)
     if job.durable:
-        rows = [frame.row for frame in frames if frame.row is not None]
-        sync_files(job.partial / BRIDGE, [path for row in rows for path in row_paths(row)])
+        sync_files(folder, [path for row in record.rows for path in row_paths(row)])
     name = f"{planned[0].source_index:06d}-{planned[-1].source_index:06d}.json"
     with whole_file(job.partial / DONE / name) as scratch:
         scratch.write_text(json.dumps(_to_document(record)), encoding="utf-8")
     return record
 
 
-def _record(job: Job, outcome: FrameOutcome) -> FrameRecord:
+def _record(job: Job, outcome: FrameOutcome, folder: Place) -> FrameRecord:
     row = None
     if outcome.frame is not None:
-        row = write_frame(job.partial / BRIDGE, outcome.frame, stage=job.recipe.image)
+        row = write_frame(folder, outcome.frame, stage=job.recipe.image)
     return FrameRecord(
         source_index=outcome.source_index,
         row=row,
@@ -142,16 +151,19 @@ def finished_chunks(partial: Place, within: tuple[int, int] | None = None) -> li
     Returns:
         the chunks whose files are all there with the right bytes.
     """
+    read = {
+        path: _read_record(path)
+        for path in entries_of(partial / DONE)
+        if path.suffix == ".json" and (within is None or _touches(path.stem, within))
+    }
+    found = [record for record in read.values() if record is not None]
+    rows = [row for record in found for row in record.rows]
+    versions = {path: version for record in found for path, version in record.versions.items()}
+    damaged = files_unlike(partial / BRIDGE, rows, versions)
     records = []
-    there = files_below(partial / BRIDGE) if is_remote(partial) else None
-    for path in entries_of(partial / DONE):
-        if path.suffix != ".json":
-            continue
-        if within and not _touches(path.stem, within):
-            continue
-        record = _read_record(path)
-        rows = [frame.row for frame in record.frames if frame.row] if record else []
-        if record and all(_whole(partial / BRIDGE, row, there) for row in rows):
+    for path, record in read.items():
+        files = {file for row in record.rows for file in row_paths(row)} if record else set()
+        if record and not files & damaged:
             records.append(record)
         else:
             # The chunk is made again, perhaps cut otherwise: this record must not come back.
@@ -172,44 +184,26 @@ def _read_record(path: Place) -> ChunkRecord | None:
         return None  # a power cut may leave an empty record
 
 
-def _whole(folder: Place, row: FrameRow, there: Mapping[str, int] | None) -> bool:
-    """Tell whether a frame's files are there; on object storage, from a listing of it.
-
-    An object is whole when it is there, and was before the record: reading it back would mean that
-    everything travels again.
-    """
-    if there is not None:
-        return all(there.get(path) for path in row_paths(row))
-    try:
-        return (
-            file_sha256(folder / row.rgb_path) == row.rgb_file_sha256
-            and file_sha256(folder / row.depth_path) == row.depth_file_sha256
-            and (
-                row.quality_path is None
-                or file_sha256(folder / row.quality_path) == row.quality_file_sha256
-            )
-        )
-    except OSError:
-        return False
-
-
 def _to_document(record: ChunkRecord) -> dict[str, object]:
     return {
         "frames": [dataclasses.asdict(frame) for frame in record.frames],
         "point_counts": {
             scan: dataclasses.asdict(counts) for scan, counts in record.point_counts.items()
         },
+        "versions": dict(record.versions),
     }
 
 
 def _from_document(document: dict[str, object]) -> ChunkRecord:
     frames, counts = document["frames"], document["point_counts"]
-    if not isinstance(frames, list) or not isinstance(counts, dict):
-        raise TypeError("the record does not hold frames and point counts")
+    versions = document.get("versions", {})
+    if not (isinstance(frames, list) and isinstance(counts, dict) and isinstance(versions, dict)):
+        raise TypeError("the record does not hold frames, point counts and versions")
     return ChunkRecord(
         frames=tuple(
             FrameRecord(**(frame | {"row": FrameRow(**frame["row"]) if frame["row"] else None}))
             for frame in frames
         ),
         point_counts={int(scan): PointCounts(**count) for scan, count in counts.items()},
+        versions={path: (size_bytes, etag) for path, (size_bytes, etag) in versions.items()},
     )

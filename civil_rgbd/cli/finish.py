@@ -30,10 +30,10 @@ def command(
 ) -> None:
     """Publish the bridges of DATASET whose parts were made by `civil-rgbd build --chunk I/N`.
 
-    On a disk every file is read back and compared with its hash first; on object storage, where an
-    object appears whole or not at all, they are listed, and `civil-rgbd verify` reads them. No
-    recording is needed. Exit code 1 when parts are missing: they are named, and nothing of their
-    bridge appears.
+    Every file is proved first. On a disk it is read back and compared with its hash; on object
+    storage size and ETag of every object are compared with what its upload was answered with, and
+    those that differ are read and hashed. No recording is needed. Exit code 1 when parts are
+    missing or damaged: they are named, and nothing of their bridge appears.
     """
     from civil_rgbd.builder.finish import finish_bridges
 

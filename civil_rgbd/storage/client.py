@@ -38,6 +38,10 @@ class ObjectInfo:
     is_folder: bool = False
 
 
+Version = tuple[int, str | None]
+"""Size in bytes and ETag of an object: another one has written it when they differ."""
+
+
 class ConditionError(Exception):
     """An object was to be written on a condition that does not hold."""
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from datetime import datetime
 from typing import Any
 
-from civil_rgbd.storage.client import WEB, ConditionError, ObjectInfo
+from civil_rgbd.storage.client import WEB, ConditionError, ObjectInfo, Version
 
 
 class Objects:
@@ -54,15 +54,13 @@ class Objects:
         found = [_info(entry) for entry in entries if entry["name"].strip("/") != key.strip("/")]
         return sorted(found, key=lambda info: info.name)
 
-    def list_all(self, key: str) -> dict[str, int]:
-        """Return sizes of all objects below, by name from here on."""
+    def list_all(self, key: str) -> dict[str, Version]:
+        """Return size and ETag of all objects below, by name from here on."""
         start = len(key.rstrip("/")) + 1
-        if self._is_obstore:
-            return {name[start:]: size for name, size in self._fs.list_all(key)}
-        entries: dict[str, Any] = self._fs.find(key, detail=True)
-        return {
-            name.lstrip("/")[start:]: int(entry["size"]) for name, entry in sorted(entries.items())
-        }
+        entries: dict[str, Any]
+        entries = self._fs.list_all(key) if self._is_obstore else self._fs.find(key, detail=True)
+        found = {name.lstrip("/")[start:]: _info(entries[name]) for name in sorted(entries)}
+        return {name: (info.size_bytes, info.etag) for name, info in found.items()}
 
     def read(
         self, key: str, start: int | None = None, end: int | None = None, etag: str | None = None
@@ -149,7 +147,7 @@ def _info(info: dict[str, Any]) -> ObjectInfo:
     etag = next((info[key] for key in ("e_tag", "ETag", "etag") if info.get(key)), None)
     modified = info.get("last_modified") or info.get("LastModified") or info.get("created")
     return ObjectInfo(
-        name=info["name"].rstrip("/").rpartition("/")[2],
+        name=info.get("name", info.get("path", "")).rstrip("/").rpartition("/")[2],
         size_bytes=int(info.get("size") or 0),
         etag=etag,
         modified_s=modified.timestamp() if isinstance(modified, datetime) else 0.0,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from datetime import timedelta
 from typing import Any, Final
 from urllib.parse import urlsplit
@@ -68,16 +67,15 @@ class ObstoreFace(FsspecStore):  # type: ignore[misc]  # see pyproject: Any to u
         store, inner = self.store_of(key)
         return any(len(page) for page in obstore.list(store, inner or None, chunk_size=1))
 
-    def list_all(self, key: str) -> Iterator[tuple[str, int]]:
-        """Yield name, with its bucket, and size of all objects below, by name."""
+    def list_all(self, key: str) -> dict[str, Any]:
+        """Return what is said of all objects below, by name with the bucket."""
         store, inner = self.store_of(key)
         bucket = key.partition("/")[0]
-        found = [
-            (f"{bucket}/{entry['path']}", int(entry["size"]))
+        return {
+            f"{bucket}/{entry['path']}": entry
             for page in obstore.list(store, inner or None, chunk_size=1000)
             for entry in page
-        ]
-        return iter(sorted(found))
+        }
 
     def cat_file(
         self,

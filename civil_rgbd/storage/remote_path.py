@@ -16,7 +16,7 @@ from fnmatch import fnmatchcase
 from typing import Final
 from urllib.parse import unquote, urlsplit
 
-from civil_rgbd.storage.client import ObjectInfo, ask, is_web
+from civil_rgbd.storage.client import ObjectInfo, Version, ask, is_web
 from civil_rgbd.storage.range_file import RangeFile
 
 _BUFFER_BYTES: Final = 1 << 14
@@ -153,7 +153,11 @@ class RemotePath:
 
     def files_below(self) -> dict[str, int]:
         """Return the size in bytes of every object below, by its name from here on."""
-        found: dict[str, int] = ask("list_all", self.url)
+        return {name: size_bytes for name, (size_bytes, _) in self.versions_below().items()}
+
+    def versions_below(self) -> dict[str, Version]:
+        """Return size and ETag of every object below, by its name from here on."""
+        found: dict[str, Version] = ask("list_all", self.url)
         return found
 
     def read_bytes(self) -> bytes:

@@ -161,17 +161,71 @@ def test_a_bridge_built_otherwise_is_replaced_only_on_demand(
     assert pulled(out) == wanted
 
 
-def test_parts_made_by_many_jobs_are_joined(
-    source: RemotePath, bucket: RemotePath, recipe: Recipe, wanted: dict[str, bytes]
+def make_part(source: RemotePath, recipe: Recipe, out: RemotePath, number: int) -> None:
+    order = Order(INFO, open=lambda: open_recording(source.url))
+    assert not build_bridges([order], recipe, out, BuildOptions(share=Share(number, 2))).failed
+
+
+def test_parts_made_by_many_jobs_are_joined_without_reading_them(
+    source: RemotePath, bucket: RemotePath, recipe: Recipe, wanted: dict[str, bytes], s3: Server
 ) -> None:
     out = bucket / "sets"
     for number in (2, 1):
-        order = Order(INFO, open=lambda: open_recording(source.url))
-        report = build_bridges([order], recipe, out, BuildOptions(share=Share(number, 2)))
-        assert not report.failed
+        make_part(source, recipe, out, number)
     assert not (out / "bridges").exists()
+    before = len(s3.requests())
 
     assert not finish_bridges(out.url).failed
+    fetched = [path for method, path, _ in s3.since(before) if method == "GET"]
+    assert not [path for path in fetched if path.endswith((".exr", ".jpg"))]
+    assert pulled(out) == wanted
+
+
+def test_objects_that_are_not_what_was_uploaded_are_made_again(
+    source: RemotePath, bucket: RemotePath, recipe: Recipe, wanted: dict[str, bytes]
+) -> None:
+    out = bucket / "sets"
+    for number in (1, 2):
+        make_part(source, recipe, out, number)
+    unfinished = out / ".partial/B9/bridge"
+    depths = [unfinished / name for name in files_below(unfinished) if name.startswith("depth")]
+    tampered = bytearray(depths[0].read_bytes())
+    tampered[-1] ^= 1  # as long as it was
+    damages = {depths[0]: (1, bytes(tampered)), depths[-1]: (2, b""), depths[-2]: (2, None)}
+
+    for path, (number, data) in damages.items():
+        path.unlink()
+        if data is not None:
+            path.write_bytes(data)
+        (outcome,) = finish_bridges(out.url).outcomes
+        assert f"parts {number}/2 are missing" in str(outcome.error)
+        assert not (out / "bridges").exists()
+        make_part(source, recipe, out, number)
+
+    assert not finish_bridges(out.url).failed
+    assert pulled(out) == wanted
+
+
+def test_objects_that_were_copied_otherwise_are_read_and_hashed(
+    source: RemotePath, bucket: RemotePath, recipe: Recipe, wanted: dict[str, bytes], s3: Server
+) -> None:
+    out = bucket / "sets"
+    for number in (1, 2):
+        make_part(source, recipe, out, number)
+    name = next(name for name in files_below(out) if name.endswith(".exr"))
+    place = {"Bucket": bucket.name, "Key": f"sets/{name}"}
+    upload = s3.client().create_multipart_upload(**place)  # its ETag is no hash of the object
+    part = {"UploadId": upload["UploadId"], "PartNumber": 1}
+    tag = s3.client().upload_part(**place, **part, Body=(out / name).read_bytes())["ETag"]
+    parts = {"Parts": [{"ETag": tag, "PartNumber": 1}]}
+    s3.client().complete_multipart_upload(**place, UploadId=part["UploadId"], MultipartUpload=parts)
+    before = len(s3.requests())
+
+    assert not finish_bridges(out.url).failed
+    fetched = [path for method, path, _ in s3.since(before) if method == "GET"]
+    assert [path for path in fetched if path.endswith((".exr", ".jpg"))] == [
+        f"/{bucket.name}/sets/{name}"
+    ]
     assert pulled(out) == wanted
 
 
