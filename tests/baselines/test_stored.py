@@ -84,6 +84,22 @@ def test_0_is_no_answer_and_odd_answers_are_left_to_scoring(
     np.testing.assert_array_equal(found[1:], depth_m[1:])
 
 
+@pytest.mark.parametrize("units_per_m", [256, 1000.0, 1e-35])
+def test_every_number_of_a_png_is_divided_and_0_is_no_answer(
+    tmp_path: Path, units_per_m: float
+) -> None:
+    numbers = np.arange(1 << 16).astype(np.uint16).reshape(256, 256)
+    cv2.imwrite(str(tmp_path / "7.png"), numbers)
+    camera = PinholeCamera(256, 256, 100.0, 100.0, 127.5, 127.5)
+
+    found = StoredPredictions(tmp_path, units_per_m=units_per_m).depth_of("B1", "7", camera)
+
+    with np.errstate(over="ignore"):
+        expected = (numbers.astype(np.float64) / units_per_m).astype(np.float32)
+    expected[0, 0] = np.nan
+    np.testing.assert_array_equal(found, expected)
+
+
 @pytest.mark.parametrize("by_file", [True, False])
 def test_png_units_become_metres(tmp_path: Path, camera: PinholeCamera, by_file: bool) -> None:
     stored = np.full((50, 75), 256 * 9 + 128, np.uint16)
