@@ -88,6 +88,20 @@ def test_a_build_between_buckets_gives_the_bytes_of_a_local_one(
 
 
 @pytest.mark.slow
+def test_a_cluster_builds_between_buckets_by_itself(
+    source: RemotePath, bucket: RemotePath, recipe: Recipe, wanted: dict[str, bytes], s3: Server
+) -> None:
+    recording, before = open_recording(source.url), len(s3.requests())
+    options = BuildOptions(workers=2, executor="dask")
+
+    build_bridge(recording, recipe, bucket / "sets", INFO, options)
+
+    assert pulled(bucket / "sets") == wanted
+    fetched = [path for method, path, _ in s3.since(before) if method == "GET"]
+    assert not [path for path in fetched if ".partial" in path and path.endswith(".exr")]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_killed_build_goes_on_to_the_same_bytes(
     source: RemotePath, bucket: RemotePath, wanted: dict[str, bytes], workers: int
