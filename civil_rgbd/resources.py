@@ -41,6 +41,15 @@ def recipe_texts() -> dict[str, str]:
     }
 
 
+def source_commit() -> str | None:
+    """Return the commit that this package was built from, with "-dirty" if its files differed.
+
+    None where nobody knows: an editable install runs whatever its files say now.
+    """
+    stamp = resources.files("civil_rgbd").joinpath("source_commit.txt")
+    return stamp.read_text("ascii").strip() if stamp.is_file() else None
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """Name the known word most like ``name``, and list them all.
 

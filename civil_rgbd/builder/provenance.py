@@ -18,6 +18,7 @@ from civil_rgbd.domain.bridge import Manifest, RecipeRecord, Software
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.format.manifest import manifest_to_document
+from civil_rgbd.resources import source_commit
 
 PIXEL_PACKAGES = ("numpy", "numba", "opencv-python-headless", "OpenEXR")
 """The packages whose versions can change a stored pixel or byte."""
@@ -41,7 +42,10 @@ def _version(name: str) -> str:
 
 
 def _commit() -> str | None:
-    """The commit of the source tree, where pip installed from one and wrote it down."""
+    """The commit that was built, as the build wrote it down, else as pip did (PEP 610)."""
+    stamped = source_commit()
+    if stamped is not None:
+        return stamped
     try:
         text = Distribution.from_name("civil-rgbd").read_text("direct_url.json")
     except PackageNotFoundError:
