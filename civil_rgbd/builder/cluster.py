@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import secrets
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final
@@ -114,12 +114,7 @@ def _refuse_other_versions(client: Client) -> None:
     finally:
         cloudpickle.unregister_pickle_by_value(cluster_probe)
     ours = cluster_probe.installed(names)
-    faults = [
-        f"{name} {found[name] or 'is missing'} (here {version})"
-        for found in theirs.values()
-        for name, version in ours.items()
-        if found[name] != version
-    ]
+    faults = [fault for found in theirs.values() for fault in differences(found, ours)]
     _refuse(
         faults,
         theirs,
@@ -127,6 +122,21 @@ def _refuse_other_versions(client: Client) -> None:
         fix="install the same versions there (`pip install civil-rgbd==...`, or one container "
         "image for all), and start the workers again",
     )
+
+
+def differences(theirs: Mapping[str, str | None], ours: Mapping[str, str | None]) -> list[str]:
+    """Say which packages a worker lacks, or has another version of.
+
+    >>> differences({"numpy": None, "numba": "1"}, {"numpy": "2", "numba": "1"})
+    ['numpy is missing (here 2)']
+    """
+    return [
+        f"{name} {theirs[name] or 'is missing'} (here {version})"
+        for name, version in ours.items()
+        # An editable install does not know its commit: that says nothing of its code.
+        if theirs[name] != version
+        and not (name == cluster_probe.COMMIT and None in {theirs[name], version})
+    ]
 
 
 def _refuse_other_files(client: Client, files: Sequence[Fingerprint]) -> None:

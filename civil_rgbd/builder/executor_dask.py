@@ -71,9 +71,10 @@ class JobsPlugin(WorkerPlugin):  # type: ignore[misc]  # distributed publishes n
 
     def _refuse_other_worker(self) -> None:
         # Those that were there at the start are known to fit; this one may have joined later.
-        here = software()
-        if (here.civil_rgbd, here.packages) != (self.software.civil_rgbd, self.software.packages):
-            raise RuntimeError(f"this worker has other versions: {here}, not {self.software}")
+        here, there = software(), self.software
+        other_commit = here.commit != there.commit and None not in {here.commit, there.commit}
+        if other_commit or (here.civil_rgbd, here.packages) != (there.civil_rgbd, there.packages):
+            raise RuntimeError(f"this worker has other versions: {here}, not {there}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

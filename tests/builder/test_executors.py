@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import socket
 import subprocess
@@ -16,9 +17,9 @@ from pathlib import Path
 
 import pytest
 
-from civil_rgbd.builder import cluster_address
+from civil_rgbd.builder import cluster_address, cluster_probe
 from civil_rgbd.builder.bridge_build import Order
-from civil_rgbd.builder.cluster import connect
+from civil_rgbd.builder.cluster import connect, differences
 from civil_rgbd.builder.executors import require_dask
 from civil_rgbd.builder.run import BuildOptions, build_bridge, build_bridges
 from civil_rgbd.cli import main
@@ -260,6 +261,25 @@ def test_a_cluster_with_other_versions_is_refused(
         for process in (worker, started):
             process.terminate()
             process.wait(timeout=30)
+
+
+def test_a_worker_of_another_commit_differs_unless_nobody_knows_one(tmp_path: Path) -> None:
+    (tmp_path / "civil_rgbd-0.1.0.dist-info").mkdir()
+    metadata = "Metadata-Version: 2.1\nName: civil-rgbd\nVersion: 0.1.0\n"
+    (tmp_path / "civil_rgbd-0.1.0.dist-info/METADATA").write_text(metadata)
+    (tmp_path / "civil_rgbd").mkdir()
+    (tmp_path / "civil_rgbd/source_commit.txt").write_text("abc-dirty\n")
+    probe = Path(cluster_probe.__file__)
+    code = "import json, cluster_probe as p; print(json.dumps(p.installed(['civil-rgbd'])))"
+    run, settings = [sys.executable, "-c", code], os.environ | {"PYTHONPATH": str(probe.parent)}
+    told = subprocess.run(run, cwd=tmp_path, env=settings, capture_output=True, check=True)
+    theirs = json.loads(told.stdout)
+
+    assert differences(theirs, theirs | {cluster_probe.COMMIT: None}) == []
+    assert differences(theirs | {cluster_probe.COMMIT: None}, theirs) == []
+    assert differences(theirs, theirs | {cluster_probe.COMMIT: "abd"}) == [
+        "civil-rgbd of commit abc-dirty (here abd)"
+    ]
 
 
 @pytest.fixture
