@@ -6,9 +6,7 @@ import dataclasses
 import hashlib
 import json
 import math
-import tomllib
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 from civil_rgbd.domain.recipe import (
@@ -23,6 +21,7 @@ from civil_rgbd.domain.recipe import (
     VisibilityStage,
 )
 from civil_rgbd.errors import RecipeError
+from civil_rgbd.format.recipe_toml import RecipeKind, parse_setting, read_recipe
 from civil_rgbd.resources import load_schema, nearest, recipe_texts
 
 _STAGES: dict[str, type[Any]] = {
@@ -35,6 +34,7 @@ _STAGES: dict[str, type[Any]] = {
     "visibility": VisibilityStage,
     "quality": QualityStage,
 }
+_KIND = RecipeKind("recipe", "--recipe", "accumulate.points=100000")
 _ON_REQUEST = frozenset({"visibility", "quality"})
 """Stages that a recipe without their table does not have."""
 
@@ -53,40 +53,12 @@ def load_recipe(name_or_path: str, settings: Iterable[str] = ()) -> Recipe:
         RecipeError: unknown name or key (the nearest right one is named), or a value that does
             not fit.
     """
-    texts = recipe_texts()
-    if name_or_path in texts:
-        text, where, name = texts[name_or_path], f"recipe {name_or_path}", name_or_path
-    elif name_or_path.endswith(".toml"):
-        path = Path(name_or_path)
-        text, where, name = _read_text(path), str(path), path.stem
-    else:
-        raise RecipeError(
-            f"there is no recipe {name_or_path!r}",
-            where="--recipe",
-            fix=f"{nearest(name_or_path, texts)}; or a path that ends in .toml",
-        )
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise RecipeError(
-            f"the recipe is not TOML: {error}", where=where, fix="mend the line it names"
-        ) from error
-    document["name"] = name
-    for key, value in overrides_of(settings).items():
-        stage, _, key_in_stage = key.partition(".")
-        table = document.setdefault(stage, {})
-        if isinstance(table, dict):  # the schema refuses what is no table
-            table[key_in_stage] = value
-    return recipe_from_document(document, where=where)
-
-
-def _read_text(path: Path) -> str:
-    try:
-        return path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecipeError(
-            f"the recipe file cannot be read: {error}", where=path, fix="check the path"
-        ) from error
+    document = read_recipe(name_or_path, recipe_texts(), _KIND)
+    for dotted, value in overrides_of(settings).items():
+        stage, _, key = dotted.partition(".")
+        document = document.changed(stage, key, value)
+    values = {**document.values, "name": document.name}
+    return recipe_from_document(values, where=document.where)
 
 
 def overrides_of(settings: Iterable[str]) -> dict[str, Any]:
@@ -102,23 +74,12 @@ def overrides_of(settings: Iterable[str]) -> dict[str, Any]:
 
 
 def _parse_setting(setting: str) -> tuple[str, Any]:
-    key, equals, text = setting.partition("=")
-    stage, dot, name = key.strip().partition(".")
-    if not equals or not dot:
-        raise RecipeError(
-            f"the setting {setting!r} is not of the form stage.key=value",
-            where="--set",
-            fix="for example --set accumulate.points=100000",
-        )
+    stage, key, value = parse_setting(setting, _KIND)
     if stage not in _STAGES:
         raise RecipeError(
             f"a recipe has no stage {stage!r}", where="--set", fix=nearest(stage, _STAGES)
         )
-    try:
-        value = tomllib.loads(f"value = {text.strip()}")["value"]
-    except tomllib.TOMLDecodeError:
-        value = text.strip()  # a bare word: --set accumulate.window=past
-    return f"{stage}.{name}", value
+    return f"{stage}.{key}", value
 
 
 def recipe_from_document(document: dict[str, Any], *, where: object) -> Recipe:

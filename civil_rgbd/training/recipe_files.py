@@ -6,13 +6,12 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from collections.abc import Iterable, Mapping
 from importlib import resources
-from pathlib import Path
 from typing import Any, Final
 
 from civil_rgbd.errors import RecipeError
+from civil_rgbd.format.recipe_toml import RecipeKind, parse_setting, read_recipe
 from civil_rgbd.resources import nearest
 from civil_rgbd.training.recipe import (
     AugmentStage,
@@ -30,6 +29,7 @@ _STAGES: Final[Mapping[str, type[Any]]] = {
     "schedule": ScheduleStage,
     "run": RunStage,
 }
+_KIND: Final = RecipeKind("training recipe", "train", "run.steps=500")
 _OPTIONS: Final = "model_options"
 _WORDS: Final = {
     ("schedule", "name"): ("polynomial", "one-cycle", "constant"),
@@ -71,55 +71,10 @@ def load_training_recipe(name_or_path: str, settings: Iterable[str] = ()) -> Tra
         RecipeError: unknown name or key (the nearest right one is named), or a value that does
             not fit.
     """
-    texts = training_recipe_texts()
-    if name_or_path in texts:
-        text, where = texts[name_or_path], f"training recipe {name_or_path}"
-    elif name_or_path.endswith(".toml"):
-        text, where = _read_text(Path(name_or_path)), name_or_path
-    else:
-        raise RecipeError(
-            f"there is no training recipe {name_or_path!r}",
-            where="train",
-            fix=f"{nearest(name_or_path, texts)}; or a path that ends in .toml",
-        )
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise RecipeError(
-            f"the recipe is not TOML: {error}", where=where, fix="mend the line it names"
-        ) from error
+    document = read_recipe(name_or_path, training_recipe_texts(), _KIND)
     for setting in settings:
-        stage, key, value = _setting(setting)
-        table = document.setdefault(stage, {})
-        if isinstance(table, dict):  # what is no table is refused below
-            table[key] = value
-    name = Path(name_or_path).stem if where == name_or_path else name_or_path
-    return recipe_from_document({"name": name, **document}, where=where)
-
-
-def _read_text(path: Path) -> str:
-    try:
-        return path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecipeError(
-            f"the recipe file cannot be read: {error}", where=path, fix="check the path"
-        ) from error
-
-
-def _setting(setting: str) -> tuple[str, str, object]:
-    key, equals, text = setting.partition("=")
-    stage, dot, name = key.strip().partition(".")
-    if not equals or not dot:
-        raise RecipeError(
-            f"the setting {setting!r} is not of the form stage.key=value",
-            where="--set",
-            fix="for example --set run.steps=500",
-        )
-    try:
-        value = tomllib.loads(f"value = {text.strip()}")["value"]
-    except tomllib.TOMLDecodeError:
-        value = text.strip()  # a bare word: --set schedule.name=constant
-    return stage, name, value
+        document = document.changed(*parse_setting(setting, _KIND))
+    return recipe_from_document({"name": document.name, **document.values}, where=document.where)
 
 
 def recipe_from_document(document: Mapping[str, Any], *, where: object) -> TrainingRecipe:
