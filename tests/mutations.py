@@ -480,7 +480,7 @@ MUTATIONS = (
     Mutation(
         "camera not moved to the local origin",
         FRAMES,
-        "T_local_camera[:3, 3] -= self._origin_map",
+        "T_local_camera[:3, 3] -= self._scans.origin_map",
         "T_local_camera[:3, 3] -= 0.0",
     ),
     Mutation(

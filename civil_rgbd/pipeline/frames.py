@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -17,13 +16,12 @@ from civil_rgbd.errors import ImageDecodeError
 from civil_rgbd.geometry.transforms import inverse
 from civil_rgbd.pipeline.accumulate import PointWindow, SlidingWindow
 from civil_rgbd.pipeline.image import ImageMaker, image_maker
-from civil_rgbd.pipeline.prepare import MappedScan, PointCounts, local_origin, map_scan
+from civil_rgbd.pipeline.mapped_scans import MappedScans
+from civil_rgbd.pipeline.prepare import PointCounts
 from civil_rgbd.pipeline.quality import quality_planes
 from civil_rgbd.pipeline.render import render_depth
 from civil_rgbd.pipeline.visibility import closed_front, nearest_surface, remove_hidden
 from civil_rgbd.pipeline.winners import find_winners
-
-_KEPT_WINDOWS = 2  # how many windows' worth of mapped points are kept for windows to come
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,24 +73,26 @@ class FrameMaker:
     Attributes:
         recording: where scans and images come from.
         recipe: how.
-        point_counts: what became of the points of each scan that was read, by scan.
         images: makes the stored pictures, and knows their camera.
     """
 
     recording: Recording
     recipe: Recipe
-    point_counts: dict[int, PointCounts] = field(default_factory=dict)
     images: ImageMaker = field(init=False)
-    _origin_map: NDArray[np.float64] = field(init=False)
-    _recent: OrderedDict[int, MappedScan] = field(default_factory=OrderedDict, init=False)
+    _scans: MappedScans = field(init=False)
 
     def __post_init__(self) -> None:
         self.images = image_maker(self.recording.rig.camera, self.recipe.image)
-        self._origin_map = local_origin(self.recording.trajectory)
+        self._scans = MappedScans(self.recording, self.recipe)
+
+    @property
+    def point_counts(self) -> dict[int, PointCounts]:
+        """What became of the points of each scan that was read, by scan."""
+        return self._scans.counts
 
     def forget_counts(self) -> None:
         """Begin to count points anew: each chunk speaks of its own windows."""
-        self.point_counts = {}
+        self._scans.forget_counts()
 
     def make(self, planned: Sequence[PlannedFrame]) -> Iterator[FrameOutcome]:
         """Make the frames of a chunk, one at a time; its first window is read back until full."""
@@ -116,7 +116,7 @@ class FrameMaker:
 
     def _sliding(self, stage: AccumulateStage) -> SlidingWindow:
         return SlidingWindow(
-            self._read_mapped,
+            self._scans.read,
             scan_stamps_ns=self.recording.scan_stamps_ns,
             reach_ns=self.recording.point_reach_ns,
             stage=stage,
@@ -143,7 +143,7 @@ class FrameMaker:
     def camera_from_local(self, T_map_camera: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return ``T_camera_local`` (4, 4): from the frame of the windows' points to a camera."""
         T_local_camera = T_map_camera.copy()
-        T_local_camera[:3, 3] -= self._origin_map
+        T_local_camera[:3, 3] -= self._scans.origin_map
         return inverse(T_local_camera)
 
     def remove_hidden(
@@ -236,28 +236,6 @@ class FrameMaker:
         )
         made = _outcome(plan, window, frame=frame, points_in_view=in_view)
         return replace(made, pixels_removed=removed)
-
-    @property
-    def _widest(self) -> int:
-        """How many points the largest window has."""
-        stage = self.recipe.visibility
-        return max(self.recipe.accumulate.points, stage.points if stage else 0)
-
-    def _read_mapped(self, scan: int) -> MappedScan:
-        # The next chunk's window begins among the scans that the last one's ended with.
-        mapped = self._recent.pop(scan, None) or map_scan(
-            self.recording.read_scan(scan),
-            trajectory=self.recording.trajectory,
-            rig=self.recording.rig,
-            recipe=self.recipe,
-            origin_map=self._origin_map,
-        )
-        self._recent[scan] = mapped
-        kept_points = sum(len(recent.stamps_ns) for recent in self._recent.values())
-        while kept_points > _KEPT_WINDOWS * self._widest and len(self._recent) > 1:
-            kept_points -= len(self._recent.popitem(last=False)[1].stamps_ns)
-        self.point_counts[scan] = mapped.counts
-        return mapped
 
 
 def _outcome(
