@@ -112,6 +112,47 @@ def test_sigma_grows_with_range_and_slant_as_the_recipe_says() -> None:
     assert middle(far, weak) == pytest.approx(expected, rel=0.1)
 
 
+def test_towards_the_corners_less_of_the_noise_is_depth_and_the_way_is_longer() -> None:
+    window, _, _ = wall(25_000, 0.0, noise_m=0.0)
+    ray = np.sqrt(
+        1 + (np.arange(160) - 79.5) ** 2 / 130**2 + (np.arange(120)[:, None] - 59.5) ** 2 / 130**2
+    )
+    corners = ray > 1.15
+
+    def ratio(stage: QualityStage, expected: NDArray[np.float64]) -> float:
+        planes, _, _ = planes_of(window, stage)
+        alone = corners & (planes["returns"] == 1)
+        assert alone.sum() > 50
+        return float(np.median(planes["sigma_m"][alone] / expected[alone]))
+
+    weak = replace(STAGE, range_noise_m=0.001, weak_noise_share=0.002)
+    weakened = 0.002 * 8 * ray * np.sqrt(ray)  # the cosine of the angle is 1 / ray
+    assert ratio(STAGE, 0.02 / ray) == pytest.approx(1.0, abs=0.02)
+    assert ratio(weak, np.hypot(0.001, weakened) / ray) == pytest.approx(1.0, abs=0.02)
+
+
+def test_leaves_slant_more_than_the_plane_through_them() -> None:
+    slanting = replace(STAGE, slant_noise_rad=0.01)
+    plane, leaves = (wall(25_000, 1.0, noise_m=noise_m)[0] for noise_m in (0.0, 0.4))
+
+    def middle(window: PointWindow) -> float:
+        planes, _, _ = planes_of(window, slanting)
+        alone = (planes["returns"] == 1) & (np.abs(np.arange(160) - 79.5) < 8)
+        return float(np.median(planes["sigma_m"][alone]))
+
+    assert middle(plane) == pytest.approx(np.hypot(0.02, 0.01 * 8), rel=0.1)
+    assert middle(leaves) > 1.5 * middle(plane)
+
+
+def test_returns_are_counted_as_far_as_half_floats_count_one_by_one() -> None:
+    points = np.tile([0.0, 0.0, 4.0], (2051, 1))
+    window = window_of(points, np.zeros(len(points), dtype=np.int64))
+
+    planes, _, _ = planes_of(window)
+
+    assert planes["returns"].max() == 2048
+
+
 def test_poses_and_rounding_count_as_noise() -> None:
     window, _, _ = wall(4_000, 0.0, noise_m=0.0)
 

@@ -141,6 +141,18 @@ def test_what_lies_behind_by_just_the_margin_stays() -> None:
     assert np.argwhere(removed(depth_m)).tolist() == [[8, 16]]
 
 
+def test_what_hides_is_not_rounded_to_the_step_of_the_stored_depth() -> None:
+    surface = nearest_surface(
+        image(9.0),
+        [points_at(image(3.3))],
+        T_camera_local=np.eye(4),
+        camera=CAMERA,
+        limits=replace(LIMITS, step_m=0.5),
+    )
+
+    np.testing.assert_allclose(surface, 3.3, rtol=1e-6)
+
+
 def test_points_out_of_the_depth_range_hide_nothing() -> None:
     near = image(0.4)  # the operator's own hand
 
