@@ -30,12 +30,14 @@ from visibility import judged
 from visibility_scenes import BRIDGES, Walk, truth_of
 
 from civil_rgbd.builder.plan import plan_frames
+from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.domain.recipe import QualityStage
 from civil_rgbd.geometry.transforms import transform_points
 from civil_rgbd.pipeline.frames import FrameMaker
 from civil_rgbd.pipeline.winners import find_winners
 from civil_rgbd.simulator.catalogue import caster_for
 from civil_rgbd.simulator.recording import SimulatedRecording
+from civil_rgbd.simulator.walk import START_NS
 
 MAD, MEDIAN, BEYOND_3 = (0.8, 1.25), 0.3, 0.01
 WARM_UP_S, IMAGE_HZ = 9, 0.5
@@ -81,7 +83,7 @@ def scores_of(walk: Walk) -> Iterator[tuple[NDArray[np.float64], float]]:
         rays = seen / seen[:, 2:]
         R, origin = plan.T_map_camera[:3, :3], plan.T_map_camera[np.newaxis, :3, 3]
         aimed = sum(R[np.newaxis, :, i] * rays[:, i, np.newaxis] for i in range(3))
-        instants_s = np.full(len(rays), plan.source_index / IMAGE_HZ)
+        instants_s = np.full(len(rays), (plan.stamp_ns - START_NS) / NS_PER_S)
         hits = caster.cast(origin, np.ascontiguousarray(aimed), instants_s)
         bias_m, sigma_m, returns = (
             planes[name][used].astype(np.float64) for name in ("bias_m", "sigma_m", "returns")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from civil_rgbd.builder.plan import plan_frames
 from civil_rgbd.builder.recipes import load_recipe, recipe_parameters
+from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.domain.recipe import Recipe, VisibilityStage
 from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.pipeline.frames import FrameMaker
@@ -22,6 +23,7 @@ from civil_rgbd.simulator.camera import pinhole_rays, true_camera_pose
 from civil_rgbd.simulator.catalogue import caster_for
 from civil_rgbd.simulator.recording import SimulatedRecording
 from civil_rgbd.simulator.spec import ScanSpec, usual_spec
+from civil_rgbd.simulator.walk import START_NS, image_instants_ns
 
 BRIDGES: Final = ("B1", "B2", "B3", "B4", "B5")
 OTHER, RAILING, SOFFIT = 0, 1, 2
@@ -147,7 +149,8 @@ def truth_of(
     x, y = (plane.ravel() for plane in pinhole_rays(camera))
     rays = np.stack([T[i, 0] * x + T[i, 1] * y + T[i, 2] for i in range(3)], axis=1)
     caster = caster_for(spec)
-    depth_m, triangles = caster.at(image_index / _IMAGE_HZ).distances(T[np.newaxis, :3, 3], rays)
+    instant_s = (int(image_instants_ns(spec)[image_index]) - START_NS) / NS_PER_S
+    depth_m, triangles = caster.at(instant_s).distances(T[np.newaxis, :3, 3], rays)
     parts = caster.site.parts[triangles]
     kind = np.select([parts == "railing", parts == "soffit"], [RAILING, SOFFIT], OTHER)
     kind[depth_m == 0] = OTHER
