@@ -17,7 +17,8 @@ _PERCENT: Final = {"coverage": 1, "leak": 3, "lost": 2, "ghost": 2, "abs_rel": 2
 _METRES: Final = {"rmse_m": (1, 2), "median_m": (100, 1)}
 _WINDOWS: Final = {"past": "before", "centred": "around", "future": "after"}
 _DRIFTS: Final = {"none": "exact", "usual": "usual", "poor": "poor"}
-_STAGES: Final = {False: "as it is", True: "filtered"}
+_STAGES: Final = {"off": "as it is", "on": "filtered", "twice": "by twice"}
+_TWO: Final = ("off", "on")
 
 
 def renew_tables(page: Path, rows: Rows) -> Path:
@@ -81,8 +82,10 @@ def _table_of_points(rows: Rows) -> list[str]:
         "RMSE m", "median error cm",
     )  # fmt: skip
     for points in _points(rows):
-        for filtered, stage in _STAGES.items():
-            some = chosen(rows, points=points, filtered=filtered)
+        for filtering, stage in _STAGES.items():
+            some = chosen(rows, points=points, filtering=filtering)
+            if not some:
+                continue
             lines.append(
                 _line(
                     short_count(points),
@@ -90,7 +93,7 @@ def _table_of_points(rows: Rows) -> list[str]:
                     _cell(some, "span_s", with_worst=False),
                     _cell(some, "coverage"),
                     _cell(some, "leak"),
-                    _cell(some, "lost") if filtered else "-",
+                    _cell(some, "lost") if filtering != "off" else "-",
                     *(_cell(some, measure) for measure in ("abs_rel", "rmse_m", "median_m")),
                 )
             )
@@ -106,8 +109,7 @@ def _table_of_windows(rows: Rows) -> list[str]:
     for points in _points(rows):
         for window, word in _WINDOWS.items():
             plain, clean = (
-                chosen(rows, points=points, window=window, filtered=filtered)
-                for filtered in _STAGES
+                chosen(rows, points=points, window=window, filtering=name) for name in _TWO
             )
             cells = [_cell(plain, "coverage"), _cell(plain, "leak"), _cell(clean, "leak")]
             cells.append(_cell(clean, "lost"))
@@ -129,7 +131,7 @@ def _table_of_drift(rows: Rows) -> list[str]:
             )
             for drift in _DRIFTS
             for window in _BOTH
-            if (some := chosen(rows, points=points, drift=drift, window=window, filtered=True))
+            if (some := chosen(rows, points=points, drift=drift, window=window, filtering="on"))
         ]
         lines.append(_line(short_count(points), *cells))
     return lines
@@ -169,8 +171,8 @@ def _table_of_traffic(rows: Rows) -> list[str]:
     for points in _points(rows):
         for motion, word in (("walking", "walks"), ("still", "stands")):
             plain, clean = (
-                chosen(rows, points=points, motion=motion, traffic="moving", filtered=filtered)
-                for filtered in _STAGES
+                chosen(rows, points=points, motion=motion, traffic="moving", filtering=name)
+                for name in _TWO
             )
             cells = [_cell(some, m) for m in ("ghost", "leak") for some in (plain, clean)]
             cells += [_cell(clean, "lost"), _cell(plain, "abs_rel"), _cell(clean, "abs_rel")]
@@ -179,10 +181,10 @@ def _table_of_traffic(rows: Rows) -> list[str]:
 
 
 RECIPES: Final = {
-    "50k": (50_000, False),
-    "250k, 250k-all": (250_000, False),
-    "250k-clean": (250_000, True),
-    "1m": (1_000_000, False),
+    "50k": (50_000, "off"),
+    "250k, 250k-all": (250_000, "off"),
+    "250k-clean": (250_000, "on"),
+    "1m": (1_000_000, "off"),
 }
 """Recipes that ship: points before the image, filtered."""
 
@@ -193,9 +195,9 @@ def _table_of_recipes(rows: Rows) -> list[str]:
         "recipe", "seconds", "coverage %", "see-through %", "AbsRel %", "RMSE m",
         "median error cm", "in front of what is there %, with traffic",
     )  # fmt: skip
-    for recipe, (points, filtered) in RECIPES.items():
-        usual = chosen(rows, points=points, filtered=filtered, drift="usual")
-        moving = chosen(rows, points=points, filtered=filtered, traffic="moving")
+    for recipe, (points, name) in RECIPES.items():
+        usual = chosen(rows, points=points, filtering=name, drift="usual")
+        moving = chosen(rows, points=points, filtering=name, traffic="moving")
         cells = [_cell(usual, m) for m in ("coverage", "leak", "abs_rel", "rmse_m", "median_m")]
         span = _cell(usual, "span_s", with_worst=False)
         names = ", ".join(f"`{name}`" for name in recipe.split(", "))

@@ -88,7 +88,8 @@ PLOTS: Final = (
         (COVERAGE, LEAK_LOG, ABS_REL, RMSE),
         (
             Line("as it is", {}, _LOOKS[1]),
-            Line("filtered", {"filtered": True}, _LOOKS[0]),
+            Line("filtered", {"filtering": "on"}, _LOOKS[0]),
+            Line("filtered by twice the points", {"filtering": "twice"}, _LOOKS[2]),
         ),
         worst=True,
     ),
@@ -106,7 +107,7 @@ PLOTS: Final = (
         "Walking 1 m/s, points before the image, filtered: exact and drifting poses",
         (MEDIAN, ABS_REL, LEAK),
         tuple(
-            Line(label, {"filtered": True, "drift": drift}, look)
+            Line(label, {"filtering": "on", "drift": drift}, look)
             for (label, drift), look in zip(
                 (
                     ("exact poses", "none"),
@@ -133,11 +134,11 @@ PLOTS: Final = (
         (GHOST, LEAK, LOST),
         (
             Line("walking, as it is", {"traffic": "moving"}, (ORANGE, "s", "--")),
-            Line("walking, filtered", {"traffic": "moving", "filtered": True}, (ORANGE, "s", "-")),
+            Line("walking, filtered", {"traffic": "moving", "filtering": "on"}, (ORANGE, "s", "-")),
             Line("standing, as it is", {"traffic": "moving", "motion": "still"}, (BLUE, "o", "--")),
             Line(
                 "standing, filtered",
-                {"traffic": "moving", "motion": "still", "filtered": True},
+                {"traffic": "moving", "motion": "still", "filtering": "on"},
                 (BLUE, "o", "-"),
             ),
         ),
@@ -167,25 +168,27 @@ def draw_plots(rows: Sequence[Row], folder: Path) -> Iterator[Path]:
 def _draw(axes: Axes, panel: Panel, plot: Plot, rows: Sequence[Row]) -> None:
     points = sorted({row.points for row in rows})
     for line in plot.lines:
+        if panel.measure == "lost" and "filtering" not in line.condition:
+            continue  # nothing is removed
         colour, marker, dashes = line.look
         found = [chosen(rows, points=count, **line.condition) for count in points]  # type: ignore[arg-type]  # by name
+        counts = [count for count, some in zip(points, found, strict=True) if some]
+        found = [some for some in found if some]
         means = [panel.times * mean(some, panel.measure) for some in found]
-        axes.plot(
-            points, means, marker=marker, ls=dashes, color=colour, ms=4.5, label=f"{line.label}"
-        )
+        axes.plot(counts, means, marker=marker, ls=dashes, color=colour, ms=4.5, label=line.label)
         if plot.worst:
+            label = "worst bridge" if line is plot.lines[0] else None
             extremes = [panel.times * worst(some, panel.measure)[1] for some in found]
-            axes.plot(
-                points, extremes, ls=":", lw=1, color=colour, label=f"{line.label}, worst bridge"
-            )
+            axes.plot(counts, extremes, ls=":", lw=1, color=colour, label=label)
     axes.set_xscale("log")
     axes.set_xticks(points, [short_count(count) for count in points], fontsize=8)
     axes.minorticks_off()
-    axes.set_xlabel("points of a frame")
+    axes.set_xlabel("points of a frame", fontsize=9)
     axes.set_title(panel.label, fontsize=9)
     axes.tick_params(axis="y", labelsize=8)
     if panel.log:
         axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
     else:
         axes.set_ylim(bottom=0)
     axes.grid(alpha=0.3)

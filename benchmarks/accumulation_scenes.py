@@ -33,10 +33,14 @@ from civil_rgbd.simulator.walk import START_NS
 
 POINTS: Final = (25_000, 50_000, 100_000, 250_000, 500_000, 1_000_000, 2_000_000)
 WINDOWS: Final = ("past", "centred", "future")
+FILTERS: Final = ("off", "on", "twice")
+"""Not at all; as ``250k-clean`` does it, with 500,000 points that may hide others, or the frame's
+own where these are more; with twice the frame's points."""
 DRIFTS: Final = {"none": (0.0, 0.0), "usual": (0.01, 0.02), "poor": (0.03, 0.06)}
 """Random walk of the poses: metres and degrees of heading a root second."""
 
 _IMAGE_HZ: Final = 0.5
+_TWICE: Final = (500_000, 1_000_000)  # of fewer it is no more than "on"; of more, minutes of scan
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,7 @@ class Row:
         scene: what was scanned.
         window: ``past``, ``centred`` or ``future``.
         points: of a frame.
-        filtered: without what the filter holds for hidden.
+        filter: of :data:`FILTERS`.
         frames: which had that many points.
         span_s: from a frame's earliest point to its latest.
         solid: pixels that truly show something, of all.
@@ -106,7 +110,7 @@ class Row:
     scene: Scene
     window: str
     points: int
-    filtered: bool
+    filter: str
     frames: int
     span_s: float
     solid: float
@@ -125,6 +129,15 @@ def scenes(effort: Effort) -> list[Scene]:
     return [
         Scene(bridge, motion, traffic, drift)
         for bridge, motion, (traffic, drift) in product(effort.bridges, ("walking", "still"), kinds)
+    ]
+
+
+def conditions(effort: Effort) -> list[tuple[str, int, str]]:
+    """Return every window, number of points and filter."""
+    return [
+        (window, points, name)
+        for window, points, name in product(WINDOWS, effort.points, FILTERS)
+        if name != "twice" or points in _TWICE
     ]
 
 
@@ -161,17 +174,16 @@ def recordings(scene: Scene, effort: Effort) -> Iterator[tuple[ScanSpec, list[in
 
 def measured(scene: Scene, effort: Effort) -> list[Row]:
     """Simulate a scene, make its frames of every condition, and score them."""
-    found: dict[tuple[str, int, bool], list[NDArray[np.float64]]] = {
-        condition: [] for condition in product(WINDOWS, effort.points, (False, True))
+    found: dict[tuple[str, int, str], list[NDArray[np.float64]]] = {
+        condition: [] for condition in conditions(effort)
     }
     for spec, instants_s in recordings(scene, effort):
         bench = _Bench(spec, effort)
         for plan in bench.plans(instants_s):
             truth_m = true_depth(spec, plan.source_index, bench.maker.images.camera)
             for window, points in product(WINDOWS, effort.points):
-                scores = bench.scores(plan, window, points, truth_m)
-                for filtered, score in zip((False, True), scores, strict=False):
-                    found[window, points, filtered].append(score)
+                for name, score in bench.scores(plan, window, points, truth_m).items():
+                    found[window, points, name].append(score)
     return [_row(scene, condition, scores) for condition, scores in found.items() if scores]
 
 
@@ -199,22 +211,27 @@ class _Bench:
 
     def scores(
         self, plan: PlannedFrame, window: str, points: int, truth_m: NDArray[np.float64]
-    ) -> list[NDArray[np.float64]]:
-        """Score one frame as it is and filtered; nothing where it has too few points."""
+    ) -> dict[str, NDArray[np.float64]]:
+        """Score one frame by filter; nothing where it has too few points."""
         stage = self._recipe.visibility or VisibilityStage()
         inner = self._window(window, points, plan.stamp_ns)
         if inner.count < points:
-            return []
-        outer = self._window(window, max(points, stage.points), plan.stamp_ns)
+            return {}
         depth_m, _ = self.maker.render(plan.T_map_camera, inner)
-        kept_m = depth_m.copy()
-        self.maker.remove_hidden(kept_m, plan.T_map_camera, window=inner, around=outer)
         leak, good = judged(depth_m, truth_m.astype(np.float32))
         span_s = inner.span_ns / NS_PER_S
-        return [
-            _score(shown_m, truth_m, leak=leak, good=good, span_s=span_s)
-            for shown_m in (depth_m, kept_m)
-        ]
+        shown = {"off": depth_m}
+        hiding = {"on": max(points, stage.points)}
+        if points in _TWICE:
+            hiding["twice"] = 2 * points
+        for name, count in hiding.items():
+            outer = self._window(window, count, plan.stamp_ns)
+            shown[name] = depth_m.copy()
+            self.maker.remove_hidden(shown[name], plan.T_map_camera, window=inner, around=outer)
+        return {
+            name: _score(shown_m, truth_m, leak=leak, good=good, span_s=span_s)
+            for name, shown_m in shown.items()
+        }
 
     def _window(self, window: str, points: int, stamp_ns: int) -> PointWindow:
         return SlidingWindow(
@@ -261,15 +278,15 @@ def _score(
     )
 
 
-def _row(scene: Scene, condition: tuple[str, int, bool], scores: list[NDArray[np.float64]]) -> Row:
-    window, points, filtered = condition
+def _row(scene: Scene, condition: tuple[str, int, str], scores: list[NDArray[np.float64]]) -> Row:
+    window, points, name = condition
     span_s, solid, coverage, abs_rel, rmse_m, median_m = np.mean(scores, axis=0)[:6].tolist()
     valid, leaks, good, good_before = np.sum(scores, axis=0)[6:].tolist()
     return Row(
         scene,
         window,
         points,
-        filtered,
+        name,
         frames=len(scores),
         span_s=span_s,
         solid=solid,

@@ -14,7 +14,7 @@ from accumulation_scenes import Row, Scene
 _OF_SCENE: Final = tuple(field.name for field in fields(Scene))
 _OF_ROW: Final = tuple(field.name for field in fields(Row) if field.name != "scene")
 _WHOLE: Final = ("points", "frames")
-_WORDS: Final = {False: "off", True: "on"}
+_NAMES: Final = ("window", "filter")
 
 
 def write_rows(path: Path, rows: Sequence[Row]) -> None:
@@ -29,9 +29,7 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
     partial.replace(path)
 
 
-def _text(value: str | float | bool) -> str:  # noqa: FBT001  # a cell, whatever it holds
-    if isinstance(value, bool):
-        return _WORDS[value]
+def _text(value: str | float) -> str:
     return f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
@@ -45,14 +43,11 @@ def _row(cells: dict[str, str]) -> Row:
     numbers = {
         name: int(cells[name]) if name in _WHOLE else float(cells[name])
         for name in _OF_ROW
-        if name not in {"window", "filtered"}
+        if name not in _NAMES
     }
-    return Row(
-        Scene(**{name: cells[name] for name in _OF_SCENE}),
-        window=cells["window"],
-        filtered=cells["filtered"] == _WORDS[True],
-        **numbers,  # type: ignore[arg-type]  # by name: whole where the field is
-    )
+    texts = {name: cells[name] for name in _NAMES}
+    scene = Scene(**{name: cells[name] for name in _OF_SCENE})
+    return Row(scene, **(texts | numbers))  # type: ignore[arg-type]  # by name: each as its field
 
 
 def chosen(
@@ -63,10 +58,10 @@ def chosen(
     drift: str = "none",
     window: str = "past",
     points: int,
-    filtered: bool = False,
+    filtering: str = "off",
 ) -> list[Row]:
     """Return the rows of one condition, one a bridge."""
-    wanted = (motion, traffic, drift, window, points, filtered)
+    wanted = (motion, traffic, drift, window, points, filtering)
     return [
         row
         for row in rows
@@ -76,7 +71,7 @@ def chosen(
             row.scene.drift,
             row.window,
             row.points,
-            row.filtered,
+            row.filter,
         )
         == wanted
     ]
