@@ -130,12 +130,12 @@ def differences(theirs: Mapping[str, str | None], ours: Mapping[str, str | None]
     >>> differences({"numpy": None, "numba": "1"}, {"numpy": "2", "numba": "1"})
     ['numpy is missing (here 2)']
     """
+    lacking = {cluster_probe.COMMIT: "unknown"}
     return [
-        f"{name} {theirs[name] or 'is missing'} (here {version})"
+        f"{name} {theirs[name] or lacking.get(name, 'is missing')} (here {version})"
         for name, version in ours.items()
-        # An editable install does not know its commit: that says nothing of its code.
-        if theirs[name] != version
-        and not (name == cluster_probe.COMMIT and None in {theirs[name], version})
+        # Where our own commit is not known (an editable install), the manifest claims none.
+        if theirs[name] != version and not (name == cluster_probe.COMMIT and version is None)
     ]
 
 

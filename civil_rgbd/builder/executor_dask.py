@@ -72,7 +72,7 @@ class JobsPlugin(WorkerPlugin):  # type: ignore[misc]  # distributed publishes n
     def _refuse_other_worker(self) -> None:
         # Those that were there at the start are known to fit; this one may have joined later.
         here, there = software(), self.software
-        other_commit = here.commit != there.commit and None not in {here.commit, there.commit}
+        other_commit = there.commit not in {None, here.commit}
         if other_commit or (here.civil_rgbd, here.packages) != (there.civil_rgbd, there.packages):
             raise RuntimeError(f"this worker has other versions: {here}, not {there}")
 

@@ -57,6 +57,12 @@ def options_from(
     from civil_rgbd.builder.shares import share_from
 
     if scheduler is not None:
+        if not scheduler:
+            raise UsageError(
+                "the scheduler's address is empty",
+                where="--scheduler",
+                fix="give tcp://HOST:8786 or the scheduler's JSON file: is a variable not set?",
+            )
         executor = executor or "dask"
     if scheduler is not None and executor != "dask":
         raise UsageError(

@@ -263,7 +263,9 @@ def test_a_cluster_with_other_versions_is_refused(
             process.wait(timeout=30)
 
 
-def test_a_worker_of_another_commit_differs_unless_nobody_knows_one(tmp_path: Path) -> None:
+def test_a_worker_of_another_commit_than_the_manifest_claims_differs(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "civil_rgbd-0.1.0.dist-info").mkdir()
     metadata = "Metadata-Version: 2.1\nName: civil-rgbd\nVersion: 0.1.0\n"
     (tmp_path / "civil_rgbd-0.1.0.dist-info/METADATA").write_text(metadata)
@@ -276,7 +278,9 @@ def test_a_worker_of_another_commit_differs_unless_nobody_knows_one(tmp_path: Pa
     theirs = json.loads(told.stdout)
 
     assert differences(theirs, theirs | {cluster_probe.COMMIT: None}) == []
-    assert differences(theirs | {cluster_probe.COMMIT: None}, theirs) == []
+    assert differences(theirs | {cluster_probe.COMMIT: None}, theirs) == [
+        "civil-rgbd of commit unknown (here abc-dirty)"
+    ]
     assert differences(theirs, theirs | {cluster_probe.COMMIT: "abd"}) == [
         "civil-rgbd of commit abc-dirty (here abd)"
     ]

@@ -154,6 +154,7 @@ def test_every_option_that_a_survey_forbids_beside_it_is_a_key_of_it() -> None:
         (["--licence", "MIT"], "--licence speaks of one recording"),
         (["--chunk", "1/2", "--executor", "dask"], "--chunk makes one part of a build here"),
         (["--scheduler", "tcp://a:1", "--executor", "serial"], "--scheduler is the address of"),
+        (["--scheduler", ""], "is a variable not set?"),
         (["--executor", "serial", "--workers", "2"], "--executor serial makes one chunk at a time"),
         (["--chunk", "3/2"], "parts count from 1"),
     ],
