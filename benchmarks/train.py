@@ -34,7 +34,7 @@ from civil_rgbd.baselines.model import load_model
 from civil_rgbd.benchmark.cells import CellResult
 from civil_rgbd.benchmark.protocol import REMAINDER, ShotRequest, draw_split
 from civil_rgbd.benchmark.run import BenchmarkJob, BenchmarkOptions, run_benchmark
-from civil_rgbd.benchmark.table import table_markdown
+from civil_rgbd.benchmark.table_files import table_markdown
 from civil_rgbd.domain.split import FramesOf, Split
 from civil_rgbd.evaluation.frames import open_bridges, rows_of
 from civil_rgbd.evaluation.run import evaluate

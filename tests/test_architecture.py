@@ -32,6 +32,7 @@ FLOORS = [
         "exporters",
         "health",
         "prediction",
+        "lineage",
     },
     {"training", "evaluation"},
     {"benchmark", "contribution", "viewer", "measuring"},

@@ -15,15 +15,18 @@ from civil_rgbd.baselines.identity import model_sha256
 from civil_rgbd.baselines.model import DepthModel, StoredDepth, load_model
 from civil_rgbd.benchmark.protocol import ShotRequest, draw_split
 from civil_rgbd.domain.split import Split
-from civil_rgbd.evaluation.choice import own_split
+from civil_rgbd.errors import CivilRgbdError
 from civil_rgbd.evaluation.frames import open_bridges
 from civil_rgbd.evaluation.metrics import MetricRules
 from civil_rgbd.evaluation.results import RESULTS, write_results
 from civil_rgbd.evaluation.run import EvaluationOptions, evaluate
 from civil_rgbd.format.atomic import writing
 from civil_rgbd.format.content import frames_sha256
+from civil_rgbd.format.documents import read_document
 from civil_rgbd.format.split_files import write_split
-from civil_rgbd.training.identity import SPLIT
+from civil_rgbd.lineage import RUN_FILE, SPLIT_FILE, Seen, lineage_of, seen_of
+from civil_rgbd.training.checkpoint import refuse_other_run
+from civil_rgbd.training.identity import run_identity, training_bridges
 from civil_rgbd.training.recipe_files import load_training_recipe, training_recipe_texts
 from civil_rgbd.training.run import TrainingJob, TrainingOptions, train
 
@@ -80,8 +83,8 @@ class CellResult:
         shots: frames of the test bridge that trained.
         folder: where run and results lie.
         results: the document of ``results.json``.
-        seen: a run of the user's own that trained with frames of the test bridge: how many, and how
-            many of those are scored here.
+        seen: what a run of the user's own, or one that its first weights are of, has seen of the
+            test bridge; nothing for what is trained here.
     """
 
     model: str
@@ -89,7 +92,44 @@ class CellResult:
     shots: int
     folder: Path
     results: dict[str, Any]
-    seen: tuple[int, int] = (0, 0)
+    seen: Seen = field(default_factory=Seen)
+
+
+@dataclass(frozen=True, slots=True)
+class CellFailure:
+    """A cell that could not be trained or scored.
+
+    Attributes:
+        model: what tables call it.
+        seed: of the draw and the training.
+        shots: frames of the test bridge that trained.
+        folder: where run and results lie.
+        what: went wrong.
+        where: it did.
+        fix: what to do about it.
+    """
+
+    model: str
+    seed: int
+    shots: int
+    folder: Path
+    what: str
+    where: str
+    fix: str
+
+
+Outcome = CellResult | CellFailure
+"""Of a cell."""
+
+
+def failure_of(cell: Cell, error: Exception) -> CellFailure:
+    """Say which cell failed, and why."""
+    if isinstance(error, CivilRgbdError):
+        told = (error.what, error.where, error.fix)
+    else:
+        fix = "its trace has been logged; give the command again when it is mended"
+        told = (f"{type(error).__name__}: {error}", str(cell.folder), fix)
+    return CellFailure(cell.name, cell.request.seed, cell.request.shots, cell.folder, *told)
 
 
 def is_trained(model: str) -> bool:
@@ -119,21 +159,40 @@ def model_of(cell: Cell) -> DepthModel | StoredDepth:
     return on_device(load_model(_location_of(cell)), cell.device)
 
 
-def seen_frames(cell: Cell, split: Split) -> tuple[int, int]:
-    """Count the frames of the test bridge that a model was trained with, which is not trained here.
-
-    Returns:
-        how many there are, and how many of them the split scores; (0, 0) for what is no run.
+def seen_frames(cell: Cell, split: Split) -> Seen:
+    """Return what a model has seen of the test bridge that is not trained here.
 
     Raises:
-        FormatError: the run's split file is damaged.
+        FormatError: a document of the model's run is damaged.
     """
-    own = None if is_trained(cell.model) else own_split(cell.model)
-    if own is None:
-        return (0, 0)
-    test = cell.request.test_bridge
-    trained = set(own.train.get(test, ()))
-    return len(trained), len(trained.intersection(split.scored().get(test, ())))
+    if is_trained(cell.model):
+        return Seen()
+    return seen_of(lineage_of(cell.model), split.scored())
+
+
+def refuse_other_cell(cell: Cell) -> None:
+    """Refuse to train a cell where another run lies.
+
+    Raises:
+        TrainingError: it is so; says what differs.
+        FormatError: its document is damaged.
+    """
+    path = cell.folder / RUN_FILE
+    if not is_trained(cell.model) or not path.is_file():
+        return
+    split = split_of(cell)
+    recipe = load_training_recipe(cell.model, cell.settings)
+    found = read_document(path)
+    identity = run_identity(
+        recipe=recipe,
+        seed=cell.request.seed,
+        split=split,
+        processes=1,
+        weights=None,
+        bridges=training_bridges(cell.data, split),
+    )
+    recipes = found.get("recipe", {}), recipe.to_document()
+    refuse_other_run(found.get("identity", {}), identity, where=cell.folder, recipes=recipes)
 
 
 def _location_of(cell: Cell) -> str | Path:
@@ -157,7 +216,7 @@ def run_cell(cell: Cell) -> CellResult:
     else:
         with writing(cell.folder):
             cell.folder.mkdir(parents=True, exist_ok=True)
-        write_split(cell.folder / SPLIT, split)
+        write_split(cell.folder / SPLIT_FILE, split)
     request, seen = cell.request, seen_frames(cell, split)
     document = _results(cell, split)
     return CellResult(cell.name, request.seed, request.shots, cell.folder, document, seen)
@@ -180,6 +239,7 @@ def _results(cell: Cell, split: Split) -> dict[str, Any]:
         data=cell.data.resolve().name,
         model_sha256=model_hash,
         data_sha256=data_hash,
+        location=_location_of(cell),
     )
 
 
@@ -191,6 +251,8 @@ def _known_results(
     if hashes[0] is None or not path.is_file():
         return None
     document: dict[str, Any] = json.loads(path.read_text("utf-8"))
+    if "seen" not in document:  # of an earlier release
+        return None
     if (document.get("model_sha256"), document.get("data_sha256")) != hashes:
         return None
     rules = document["rules"]

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from civil_rgbd.benchmark.cells import Cell, model_of, split_of
 from civil_rgbd.benchmark.charts import range_chart, shots_chart
+from civil_rgbd.benchmark.notes import caption, notes
 from civil_rgbd.benchmark.pictures import depth_uri, error_scale_uri, error_uri, photo_uri
 from civil_rgbd.benchmark.protocol import SAME, TESTS
-from civil_rgbd.benchmark.table import TableRow, table_markdown
+from civil_rgbd.benchmark.table import TableRow
+from civil_rgbd.benchmark.table_files import table_cells
 from civil_rgbd.domain.frame import FrameRow
 from civil_rgbd.evaluation.frames import open_bridges
 from civil_rgbd.evaluation.results import RESULTS
@@ -32,7 +34,8 @@ h2 { font-size: 1.2rem; margin-top: 2rem; border-top: 1px solid #ccc; padding-to
 table { border-collapse: collapse; } th, td { padding: .2rem .6rem; text-align: right;
   white-space: nowrap;
   border-bottom: 1px solid #eee; } th:first-child, td:first-child { text-align: left; }
-.wide { overflow-x: auto; } svg { max-width: 100%; height: auto; }
+.failed { border-left: .4rem solid #c00; padding-left: .6rem; } .wide { overflow-x: auto; }
+svg { max-width: 100%; height: auto; }
 .row { display: grid; grid-template-columns: 9rem repeat(auto-fit, minmax(8rem, 1fr)); gap: 4px;
   align-items: center; } img { width: 100%; display: block; image-rendering: pixelated; }
 .scale { width: 12rem; height: .8rem; display: inline-block; vertical-align: middle; }
@@ -43,7 +46,7 @@ def benchmark_page(cells: Sequence[Cell], rows: Sequence[TableRow], test_bridge:
     """Return the page of a finished benchmark; the same results give the same page.
 
     Args:
-        cells: all of them, done; pictures are of the first seed's.
+        cells: those that are done; pictures are of the first seed's.
         rows: of the table.
         test_bridge: id of the bridge that was left out.
 
@@ -52,24 +55,37 @@ def benchmark_page(cells: Sequence[Cell], rows: Sequence[TableRow], test_bridge:
         MissingExtraError: matplotlib is not installed.
     """
     title = f"Depth on bridge {test_bridge}, unseen and with some of its frames"
+    with_scores, seed = [row for row in rows if row.seeds], cells[0].request.seed
     parts = [
         f"<h1>{escape(title)}</h1>",
-        f'<div class="wide">{_table(table_markdown(rows, test_bridge))}</div>',
+        *_failures(rows),
+        _table(rows, test_bridge),
         "<h2>AbsRel over shots</h2>",
-        shots_chart(rows),
+        shots_chart(with_scores),
         "<h2>AbsRel by range, on the same frames</h2>",
-        range_chart(rows, [_ranges(row, cells) for row in rows]),
-        "<h2>Predictions and AbsRel, seed 0</h2>",
+        range_chart(with_scores, [_ranges(row, cells) for row in with_scores]),
+        f"<h2>Predictions and AbsRel, seed {seed}</h2>",
         _legend(),
-        *_predictions([cell for cell in cells if cell.request.seed == cells[0].request.seed]),
+        *_predictions([cell for cell in cells if cell.request.seed == seed]),
+        "<h2>What each number rests on</h2>",
+        *_details(cells),
+        *(f"<p>{escape(note)}</p>" for note in notes(rows)),
     ]
-    parts += ["<h2>What each number rests on</h2>", *_details(cells)]
     body = "\n".join(parts)
     return (
         '<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8">'
         f"<title>{escape(title)}</title><style>{_STYLE}</style></head>\n<body>\n{body}\n</body>\n"
         "</html>\n"
     )
+
+
+def _failures(rows: Sequence[TableRow]) -> Iterator[str]:
+    for row in rows:
+        for seed, cause in row.failed.items():
+            yield (
+                f'<p class="failed">{escape(row.model)}, {row.shots} shots, seed {seed} failed: '
+                f"{escape(cause)}</p>"
+            )
 
 
 def _legend() -> str:
@@ -79,10 +95,12 @@ def _legend() -> str:
     )
 
 
-def _table(markdown: str) -> str:
-    lines = markdown.splitlines()
-    table = [line.strip("| ").split(" | ") for line in lines if line.startswith("|")]
-    return f"{_html_table([table[0], *table[2:]])}<p>{escape(lines[-1])}</p>"
+def _table(rows: Sequence[TableRow], test_bridge: str) -> str:
+    head, body = table_cells(rows)
+    return (
+        f'<div class="wide">{_html_table([head, *body])}</div>'
+        f"<p>{escape(caption(rows, test_bridge))}</p>"
+    )
 
 
 def _html_table(lines: Sequence[Sequence[str]]) -> str:

@@ -4,33 +4,32 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, field, replace
-from multiprocessing import get_context
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 from civil_rgbd.baselines.model import load_model
 from civil_rgbd.benchmark.cells import (
     Cell,
+    CellFailure,
     CellResult,
+    Outcome,
     is_trained,
-    run_cell,
+    refuse_other_cell,
     seen_frames,
     split_of,
 )
 from civil_rgbd.benchmark.page import benchmark_page
 from civil_rgbd.benchmark.protocol import DRAW, ShotRequest
-from civil_rgbd.benchmark.table import (
-    TableRow,
+from civil_rgbd.benchmark.table import TableRow, table_rows
+from civil_rgbd.benchmark.table_files import (
     rows_document,
     table_csv,
     table_latex,
     table_markdown,
-    table_rows,
 )
+from civil_rgbd.benchmark.workers import run_cells
 from civil_rgbd.errors import TrainingError, UsageError
 from civil_rgbd.evaluation.metrics import MetricRules
 from civil_rgbd.format.atomic import folder_lock, writing
@@ -84,21 +83,25 @@ class BenchmarkOptions:
         jobs: cells that run at a time, each in a process of its own.
         device: to train and to score on.
         tensorboard: write for TensorBoard.
-        on_cell: called with each result and the number of cells.
+        on_cell: called with what came out of each cell, and the number of cells.
     """
 
     jobs: int = 1
     device: str = "auto"
     tensorboard: bool = True
-    on_cell: Callable[[CellResult, int], object] = lambda _result, _total: None
+    on_cell: Callable[[Outcome, int], object] = lambda _result, _total: None
 
 
 def run_benchmark(job: BenchmarkJob, options: BenchmarkOptions | None = None) -> list[TableRow]:
     """Train and score every cell, write table and page, and return the rows of the table.
 
+    A cell that fails stops no other: its row says so (:attr:`TableRow.failed`), and when the same
+    is asked for again, it alone is taken up.
+
     Raises:
         UsageError: nothing is asked for, or the data does not have what it takes.
-        CivilRgbdError: a cell cannot be trained or scored; the finished ones are kept.
+        TrainingError: another run lies in the folder, or no cell at all could be finished.
+        OutputError: a file cannot be written.
     """
     options = options or BenchmarkOptions()
     cells = cells_of(job, options)
@@ -106,20 +109,31 @@ def run_benchmark(job: BenchmarkJob, options: BenchmarkOptions | None = None) ->
     with folder_lock(job.out):
         with writing(job.out):
             job.out.mkdir(parents=True, exist_ok=True)
-        results = sorted(
-            _run_all(cells, options),
-            key=lambda one: [_cell_key(cell) for cell in cells].index(
-                (one.model, one.seed, one.shots)
-            ),
-        )
-        rows = table_rows(results)
-        stem = job.out / TABLE
+        outcomes = _run_all(cells, options)
+        results = [one for one in outcomes if isinstance(one, CellResult)]
+        failures = [one for one in outcomes if isinstance(one, CellFailure)]
+        if not results:
+            _refuse_no_table(failures)
+        rows = table_rows(outcomes)
+        stem, folders = job.out / TABLE, {one.folder for one in results}
+        done = [cell for cell in cells if cell.folder in folders]
         write_text(stem.with_suffix(".md"), table_markdown(rows, job.test_bridge))
         write_text(stem.with_suffix(".csv"), table_csv(rows))
         write_text(stem.with_suffix(".tex"), table_latex(rows, job.test_bridge))
-        write_text(job.out / PAGE, benchmark_page(cells, rows, job.test_bridge))
-        write_text(job.out / RESULTS, document_text(_document(job, results, rows)))
+        write_text(job.out / PAGE, benchmark_page(done, rows, job.test_bridge))
+        write_text(job.out / RESULTS, document_text(_document(job, results, failures, rows)))
     return rows
+
+
+def _refuse_no_table(failures: Sequence[CellFailure]) -> None:
+    first = failures[0]
+    others = f"; so did {len(failures) - 1} others" if len(failures) > 1 else ""
+    raise TrainingError(
+        f"there is nothing to tabulate: {first.model}, seed {first.seed}, {first.shots} shots "
+        f"failed{others}: {first.what}",
+        where=first.where,
+        fix=first.fix,
+    )
 
 
 def cells_of(job: BenchmarkJob, options: BenchmarkOptions) -> list[Cell]:
@@ -177,61 +191,47 @@ def _refuse_early(cells: Sequence[Cell]) -> None:
             load_training_recipe(model.model, model.settings)
         else:
             load_model(model.model)
+    for cell in cells:
+        refuse_other_cell(cell)
     _warn_of_leakage(cells)
 
 
 def _warn_of_leakage(cells: Sequence[Cell]) -> None:
     """Say which runs of the user's own have seen the test bridge; the table says it as well."""
     for cell in {cell.model: cell for cell in cells}.values():
-        trained, _ = seen_frames(cell, split_of(cell))
-        if trained:
+        seen = seen_frames(cell, split_of(cell)).in_words(
+            f"the test bridge {cell.request.test_bridge}"
+        )
+        if seen:
             warnings.warn(
-                f"the run {cell.model} was trained with {trained} frames of the test bridge "
-                f"{cell.request.test_bridge}: its row in the table says so",
+                f"the run {cell.model}, or one that its first weights are of, was {seen}: its row "
+                "in the table says so",
                 stacklevel=3,
             )
 
 
-def _cell_key(cell: Cell) -> tuple[str, int, int]:
-    return cell.name, cell.request.seed, cell.request.shots
-
-
-def _run_all(cells: Sequence[Cell], options: BenchmarkOptions) -> Iterator[CellResult]:
-    # What is not trained comes first: a missing prediction is found before hours of training.
-    for result in _results(sorted(cells, key=lambda one: is_trained(one.model)), options.jobs):
-        options.on_cell(result, len(cells))
-        yield result
-
-
-def _results(cells: Sequence[Cell], jobs: int) -> Iterator[CellResult]:
-    if jobs == 1:
-        yield from map(run_cell, cells)
-        return
-    # spawn: a process that was forked from one with threads of torch may wait for them for ever.
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        waiting = [pool.submit(run_cell, cell) for cell in cells]
-        try:
-            for done in as_completed(waiting):
-                yield done.result()
-        except BrokenProcessPool as error:
-            raise TrainingError(
-                "a process of the benchmark was killed, perhaps for want of memory",
-                where=cells[0].out,
-                fix="give the command again, with fewer --jobs: finished cells are kept, and the "
-                "others go on from their checkpoints",
-            ) from error
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+def _run_all(cells: Sequence[Cell], options: BenchmarkOptions) -> list[Outcome]:
+    """Run all cells; return what came out in their order."""
+    found: dict[Path, Outcome] = {}
+    # What is not trained comes first: a missing prediction is said before hours of training.
+    for outcome in run_cells(sorted(cells, key=lambda one: is_trained(one.model)), options.jobs):
+        options.on_cell(outcome, len(cells))
+        found[outcome.folder] = outcome
+    return [found[cell.folder] for cell in cells]
 
 
 def _document(
-    job: BenchmarkJob, results: Sequence[CellResult], rows: Sequence[TableRow]
+    job: BenchmarkJob,
+    results: Sequence[CellResult],
+    failures: Sequence[CellFailure],
+    rows: Sequence[TableRow],
 ) -> dict[str, object]:
     return {
         "civil_rgbd_benchmark": 1,
         "data": job.data.resolve().name,
         "test_bridge": job.test_bridge,
         "settings": list(job.settings),
+        "software": results[0].results["software"],
         "rows": rows_document(rows),
         "cells": [
             {
@@ -242,9 +242,12 @@ def _document(
                 "split_sha256": one.results["split"]["sha256"],
                 "data_sha256": one.results["data_sha256"],
                 "model_sha256": one.results["model_sha256"],
-                "test_frames_trained_with": one.seen[0],
-                "test_frames_trained_with_and_scored": one.seen[1],
+                "run": one.results["run"],
+                "seen": one.seen.to_document(),
             }
             for one in results
+        ],
+        "failed": [
+            asdict(one) | {"folder": one.folder.relative_to(job.out).as_posix()} for one in failures
         ],
     }

@@ -1,21 +1,16 @@
-"""Table 2: mean and standard deviation over seeds, paired by seed; Markdown, CSV and LaTeX."""
+"""The rows of Table 2: mean and standard deviation over seeds, gains paired by seed."""
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import mean, stdev
-from typing import Any, Final
+from typing import Final
 
-from civil_rgbd.benchmark.cells import CellResult
-from civil_rgbd.benchmark.protocol import APART, NEAR_DEG, NEAR_M, REMAINDER, SAME
-from civil_rgbd.evaluation.metrics import MEDIAN_SCALED, label_of
-
-SHOWN: Final = ("abs_rel", "rmse", "log10", "delta_1", "delta_2", "delta_3")
-"""The paper's metrics: columns of the table. The CSV has all."""
+from civil_rgbd.benchmark.cells import CellFailure, CellResult, Outcome
+from civil_rgbd.benchmark.protocol import SAME
+from civil_rgbd.lineage import Seen
 
 HEADLINE: Final = "abs_rel"
 
@@ -53,8 +48,11 @@ class TableRow:
         scores: spread by set of frames, by averaging (``per_image``, ``pooled``), by metric.
         gain: share of the headline metric that the shots take off, each seed against its own run
             without shots; empty without such runs.
-        seen: frames of the test bridge that a run of the user's own was trained with, and how many
-            of those are scored, at most over seeds.
+        seen: what a run of the user's own has seen of the test bridge, at most over seeds.
+        failed: why a seed is not in it, by seed.
+        counts: what was scored, skipped and clamped, by set of frames, by seed, by name.
+        splits: hash of the frames that train and are scored, by seed.
+        software: versions that scored, by name.
     """
 
     model: str
@@ -63,42 +61,81 @@ class TableRow:
     frames: Mapping[str, Mapping[int, int]]
     scores: Mapping[str, Mapping[str, Mapping[str, Spread]]]
     gain: Spread
-    seen: tuple[int, int] = (0, 0)
+    seen: Seen
+    failed: Mapping[int, str]
+    counts: Mapping[str, Mapping[int, Mapping[str, int]]]
+    splits: Mapping[int, str]
+    software: Mapping[str, str]
 
 
-def table_rows(cells: Sequence[CellResult]) -> list[TableRow]:
-    """Summarise cells: models in their order, shots ascending."""
-    models = list(dict.fromkeys(cell.model for cell in cells))
-    groups: dict[tuple[str, int], list[CellResult]] = {}
-    for cell in sorted(cells, key=lambda one: (models.index(one.model), one.shots, one.seed)):
+def table_rows(outcomes: Sequence[Outcome]) -> list[TableRow]:
+    """Summarise cells: models in their order, shots ascending; at least one cell is done.
+
+    Args:
+        outcomes: what came out of each cell, in the order of the cells.
+    """
+    models = list(dict.fromkeys(cell.model for cell in outcomes))
+    groups: dict[tuple[str, int], list[Outcome]] = {}
+    for cell in sorted(outcomes, key=lambda one: (models.index(one.model), one.shots, one.seed)):
         groups.setdefault((cell.model, cell.shots), []).append(cell)
-    return [_row(group, groups.get((model, 0), [])) for (model, _), group in groups.items()]
+    any_done = _done(outcomes)[0]
+    return [
+        _row(group, without_shots=groups.get((model, 0), []), like=any_done)
+        for (model, _), group in groups.items()
+    ]
 
 
-def _row(group: Sequence[CellResult], without_shots: Sequence[CellResult]) -> TableRow:
-    tests = list(group[0].results["tests"])
+def _done(outcomes: Sequence[Outcome]) -> list[CellResult]:
+    return [one for one in outcomes if isinstance(one, CellResult)]
+
+
+def _row(
+    group: Sequence[Outcome], *, without_shots: Sequence[Outcome], like: CellResult
+) -> TableRow:
+    """Summarise the seeds of one model and number of shots.
+
+    Args:
+        group: all of them.
+        without_shots: those of the same model without shots.
+        like: any cell that is done: it has the names of sets and metrics.
+    """
+    done, tests = _done(group), like.results["tests"]
     scores = {
         test: {
             averaging: {
-                metric: _spread(group, test, averaging, metric)
-                for metric in group[0].results["tests"][test][averaging]
+                metric: _spread(done, test, averaging, metric) for metric in tests[test][averaging]
             }
             for averaging in ("per_image", "pooled")
         }
         for test in tests
     }
-    frames = {test: {cell.seed: _frames_scored(cell, test) for cell in group} for test in tests}
-    own = scores[SAME]["per_image"][_headline(group[0])].values
-    start = _spread(without_shots, SAME, "per_image", _headline(group[0])).values
+    headline = next(iter(tests[SAME]["per_image"]))  # AbsRel, or AbsRel median-scaled
+    own = scores[SAME]["per_image"][headline].values
+    start = _spread(_done(without_shots), SAME, "per_image", headline).values
     gains = {seed: 1 - own[seed] / start[seed] for seed in own if start.get(seed)}
     return TableRow(
         model=group[0].model,
         shots=group[0].shots,
-        seeds=tuple(cell.seed for cell in group),
-        frames=frames,
+        seeds=tuple(cell.seed for cell in done),
+        frames={test: {cell.seed: _frames_scored(cell, test) for cell in done} for test in tests},
         scores=scores,
         gain=Spread(gains if group[0].shots else {}),
-        seen=max(cell.seen for cell in group),
+        seen=_most_seen(done),
+        failed={one.seed: one.what for one in group if isinstance(one, CellFailure)},
+        counts={
+            test: {cell.seed: cell.results["tests"][test]["counts"] for cell in done}
+            for test in tests
+        },
+        splits={cell.seed: cell.results["split"]["sha256"] for cell in done},
+        software=like.results["software"],
+    )
+
+
+def _most_seen(done: Sequence[CellResult]) -> Seen:
+    return Seen(
+        trained=max((cell.seen.trained for cell in done), default=0),
+        scored=max((cell.seen.scored for cell in done), default=0),
+        unknown=done[0].seen.unknown if done else (),
     )
 
 
@@ -110,171 +147,3 @@ def _frames_scored(cell: CellResult, test: str) -> int:
 def _spread(group: Sequence[CellResult], test: str, averaging: str, metric: str) -> Spread:
     found = {cell.seed: cell.results["tests"][test][averaging][metric] for cell in group}
     return Spread({seed: value for seed, value in found.items() if value is not None})
-
-
-def _headline(cell: CellResult) -> str:
-    names: list[str] = list(cell.results["tests"][SAME]["per_image"])
-    return names[0]  # AbsRel; its name says so when it is median-scaled
-
-
-def caption(rows: Sequence[TableRow], test_bridge: str) -> str:
-    """Say what the table shows."""
-    seeds = max(len(row.seeds) for row in rows)
-    frames = _span(rows[0].frames[SAME])
-    seen = any(row.seen[0] for row in rows)
-    return (
-        f"Mean ± standard deviation over {seeds} seed{'s' * (seeds != 1)} on bridge {test_bridge}, "
-        f"which no model without shots has seen{', but where its row says so' * seen}; each metric "
-        "is taken per image, then averaged over images. Every number of shots of a seed is scored "
-        f"on the same {frames} frames, which are no shots. Beside it AbsRel on the remainder (all "
-        "frames but the shots, as the paper scores) and on the remainder apart (without frames "
-        f"within {NEAR_M:g} m and {NEAR_DEG:g} deg of a shot), each with the number of frames that "
-        "it rests on, least to most over seeds: remainder below apart is leakage by overlap. Gain "
-        "is AbsRel taken off by the shots, each seed against its own run without."
-    )
-
-
-def table_markdown(rows: Sequence[TableRow], test_bridge: str) -> str:
-    """Return the table as Markdown, with its caption."""
-    head, body = _cells(rows)
-    lines = [
-        "| " + " | ".join(head) + " |",
-        "| --- |" + " ---: |" * (len(head) - 1),
-        *("| " + " | ".join(line) + " |" for line in body),
-        "",
-        caption(rows, test_bridge),
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def table_latex(rows: Sequence[TableRow], test_bridge: str) -> str:
-    """Return the table as LaTeX for booktabs."""
-    head, body = _cells(rows)
-    lines = [
-        "% \\usepackage{booktabs}",
-        "\\begin{table}",
-        f"  \\caption{{{_escaped(caption(rows, test_bridge))}}}",
-        f"  \\begin{{tabular}}{{l{'r' * (len(head) - 1)}}}",
-        "    \\toprule",
-        f"    {' & '.join(map(_escaped, head))} \\\\",
-        "    \\midrule",
-        *(f"    {' & '.join(map(_escaped, line))} \\\\" for line in body),
-        "    \\bottomrule",
-        "  \\end{tabular}",
-        "\\end{table}",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _escaped(text: str) -> str:
-    for sign, tex in (("_", r"\_"), ("%", r"\%"), ("±", r"$\pm$"), ("δ", r"$\delta$ ")):
-        text = text.replace(sign, tex)
-    return text
-
-
-def _cells(rows: Sequence[TableRow]) -> tuple[list[str], list[list[str]]]:
-    names = [
-        name
-        for name in rows[0].scores[SAME]["per_image"]
-        if name.removesuffix(MEDIAN_SCALED) in SHOWN
-    ]
-    head = [
-        "Model",
-        "shots",
-        *map(label_of, names),
-        "gain",
-        "AbsRel remainder (frames)",
-        "AbsRel apart (frames)",
-    ]
-    body = [
-        [
-            _name(row),
-            str(row.shots),
-            *(in_words(row.scores[SAME]["per_image"][name]) for name in names),
-            in_words(row.gain, percent=True),
-            *(
-                f"{in_words(row.scores[test]['per_image'][names[0]])} ({_span(row.frames[test])})"
-                for test in (REMAINDER, APART)
-            ),
-        ]
-        for row in rows
-    ]
-    return head, body
-
-
-def _name(row: TableRow) -> str:
-    trained, scored = row.seen
-    if not trained:
-        return row.model
-    return f"{row.model} (trained with {trained} frames of this bridge, {scored} of them scored)"
-
-
-def _span(frames: Mapping[int, int]) -> str:
-    """Return numbers of frames, from least to most over seeds."""
-    least, most = min(frames.values()), max(frames.values())
-    return str(least) if least == most else f"{least}-{most}"
-
-
-def in_words(spread: Spread, *, percent: bool = False) -> str:
-    """Return mean ± deviation.
-
-    >>> in_words(Spread({0: 0.1, 1: 0.3})), in_words(Spread({0: 0.25}), percent=True)
-    ('0.200 ± 0.141', '25.0 %')
-    """
-    if math.isnan(spread.mean):
-        return "-"
-    factor, form, unit = (100.0, ".1f", " %") if percent else (1.0, ".3f", "")
-    text = format(spread.mean * factor, form)
-    if not math.isnan(spread.deviation):
-        text += f" ± {format(spread.deviation * factor, form)}"
-    return text + unit
-
-
-def table_csv(rows: Sequence[TableRow]) -> str:
-    """Return every number of every seed, one a line."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(_values(rows))
-    return text.getvalue()
-
-
-def _values(rows: Sequence[TableRow]) -> Iterator[Sequence[object]]:
-    yield ("model", "shots", "test", "averaging", "metric", "seed", "value")
-    for row in rows:
-        for test, averagings in row.scores.items():
-            for averaging, metrics in averagings.items():
-                for metric, spread in metrics.items():
-                    for seed, value in spread.values.items():
-                        yield (row.model, row.shots, test, averaging, metric, seed, value)
-        for seed, value in row.gain.values.items():
-            yield (row.model, row.shots, SAME, "per_image", f"{HEADLINE}_gain", seed, value)
-
-
-def rows_document(rows: Sequence[TableRow]) -> list[dict[str, Any]]:
-    """Return the headline of each row as JSON values."""
-    return [
-        {
-            "model": row.model,
-            "shots": row.shots,
-            "seeds": list(row.seeds),
-            "frames": {test: mean(one.values()) for test, one in row.frames.items()},
-            "frames_by_seed": {
-                test: {str(seed): count for seed, count in one.items()}
-                for test, one in row.frames.items()
-            },
-            "test_frames_trained_with": row.seen[0],
-            "test_frames_trained_with_and_scored": row.seen[1],
-            "per_image": {
-                test: {
-                    metric: {"mean": _number(one.mean), "deviation": _number(one.deviation)}
-                    for metric, one in averagings["per_image"].items()
-                }
-                for test, averagings in row.scores.items()
-            },
-            "gain": {"mean": _number(row.gain.mean), "deviation": _number(row.gain.deviation)},
-        }
-        for row in rows
-    ]
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None

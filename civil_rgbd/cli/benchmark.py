@@ -57,17 +57,22 @@ def command(
     flip: bool,
     device: str,
     no_tensorboard: bool,
-) -> None:
-    """Leave one bridge out, train with 0 and more of its frames, and tabulate the errors."""
+) -> int:
+    """Leave one bridge out, train with 0 and more of its frames, and tabulate the errors.
+
+    Exit code 1 says that a cell could not be trained or scored: the table marks it with its cause,
+    and the same command takes up only that.
+    """
     from civil_rgbd.cli.progress import cell_bar
     from civil_rgbd.cli.scoring_rules import rules_from
     from civil_rgbd.cli.torch_needed import require_torch
     from civil_rgbd.errors import UsageError
 
     require_torch("benchmark")
+    from civil_rgbd.benchmark.cells import CellFailure
     from civil_rgbd.benchmark.charts import require_matplotlib
     from civil_rgbd.benchmark.run import BenchmarkJob, BenchmarkOptions, run_benchmark
-    from civil_rgbd.benchmark.table import table_markdown
+    from civil_rgbd.benchmark.table_files import table_markdown
 
     require_matplotlib()  # now, not after hours of training
     try:
@@ -95,10 +100,13 @@ def command(
             jobs=jobs,
             device=device,
             tensorboard=not no_tensorboard,
-            on_cell=lambda result, total: on_cell(
-                f"{result.model}, seed {result.seed}, {result.shots} shots", total
+            on_cell=lambda cell, total: on_cell(
+                f"{cell.model}, seed {cell.seed}, {cell.shots} shots"
+                + ": failed" * isinstance(cell, CellFailure),
+                total,
             ),
         )
         rows = run_benchmark(job, options)
     print(table_markdown(rows, test_bridge))
     print(f"{out}: index.html, table2.md, table2.csv, table2.tex, benchmark.json")
+    return 1 if any(row.failed for row in rows) else 0

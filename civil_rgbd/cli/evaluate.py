@@ -84,6 +84,7 @@ def command(
         data=data.resolve().name,
         model_sha256=model_sha256(chosen, model),
         data_sha256=frames_sha256(open_bridges(data, split.scored()), split.scored()),
+        location=model,
     )
     print(results_markdown(document))
     print(f"{folder}: results.json, results.csv, results.md, frames.csv")

@@ -7,15 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from civil_rgbd.baselines.identity import run_folder_of
 from civil_rgbd.baselines.model import MODEL_FILE, DepthModel, StoredDepth, load_model
 from civil_rgbd.domain.split import Split
 from civil_rgbd.errors import UsageError
 from civil_rgbd.evaluation.frames import all_frames, open_bridges
 from civil_rgbd.format.split_files import read_split
-
-SPLIT_FILE: Final = "split.json"
-"""The split that a run was trained with, in its folder."""
+from civil_rgbd.lineage import SPLIT_FILE, Lineage, lineage_of, split_of_run
 
 _STORED: Final = "predictions:"
 
@@ -62,41 +59,34 @@ def choose_split(
             where="--split, --bridge",
             fix="give one of them",
         )
-    own = own_split(named)
+    own = split_of_run(named)
     if split_file is not None:
         chosen = read_split(split_file)
     elif own is not None and not bridges:
-        return own
+        chosen = own
     else:
         chosen = Split(train={}, tests={"all": all_frames(open_bridges(data, bridges))})
-    if own is not None:
-        _warn_of_leakage(own, chosen)
+    _warn_of_leakage(lineage_of(named), chosen)
     return chosen
 
 
-def own_split(named: str) -> Split | None:
-    """Return the split that a run was trained with; None for a model that is no run.
-
-    Args:
-        named: a run folder or its ``model.pt``, or any other model.
-
-    Raises:
-        FormatError: the split file is damaged.
-    """
-    folder = run_folder_of(named)
-    if folder is None or not (folder / SPLIT_FILE).is_file():
-        return None
-    return read_split(folder / SPLIT_FILE)
-
-
-def _warn_of_leakage(own: Split, chosen: Split) -> None:
+def _warn_of_leakage(lineage: Lineage | None, chosen: Split) -> None:
+    if lineage is None:
+        return
     leaked = {
-        bridge: len(set(ids).intersection(own.train.get(bridge, ())))
+        bridge: len(set(ids).intersection(lineage.trained_with.get(bridge, ())))
         for bridge, ids in chosen.scored().items()
     }
     counts = [f"{count} of bridge {bridge}" for bridge, count in leaked.items() if count]
     if counts:
         warnings.warn(
-            f"the run was trained with frames that are scored here: {', '.join(counts)}",
+            "the run, or one that its first weights are of, was trained with frames that are "
+            f"scored here: {', '.join(counts)}",
+            stacklevel=3,
+        )
+    if lineage.unknown:
+        warnings.warn(
+            f"it is not known which frames {', '.join(lineage.unknown)} was trained with, from "
+            "whose weights the run, or one before it, started",
             stacklevel=3,
         )

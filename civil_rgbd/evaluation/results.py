@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,6 +16,7 @@ from civil_rgbd.evaluation.metrics import Scores, image_scores, label_of, metric
 from civil_rgbd.evaluation.run import Evaluation
 from civil_rgbd.format.atomic import writing
 from civil_rgbd.format.documents import document_text, write_text
+from civil_rgbd.lineage import lineage_of, run_identity_of, seen_from, seen_of
 
 RESULTS: Final = "results.json"
 """Every score; its stem with .md and .csv are the same for people and spreadsheets."""
@@ -29,6 +32,7 @@ def results_document(
     data: str,
     model_sha256: str | None = None,
     data_sha256: str | None = None,
+    location: str | Path | None = None,
 ) -> dict[str, Any]:
     """Return every score as JSON values; NaN, the score of nothing, becomes null.
 
@@ -38,8 +42,13 @@ def results_document(
         data: what it was scored on, in the words of the caller.
         model_sha256: of the model; None where it cannot be known.
         data_sha256: of the frames; None where nobody took it.
+        location: where the model is, to say what it has seen; None where that is nowhere.
+
+    Raises:
+        FormatError: a document of the model's run is damaged.
     """
     split = evaluation.split
+    lineage = None if location is None else lineage_of(location)
     tests = {name: _test_document(evaluation, name) for name in split.tests}
     return {
         "civil_rgbd_results": 1,
@@ -47,10 +56,37 @@ def results_document(
         "model_sha256": model_sha256,
         "data": data,
         "data_sha256": data_sha256,
+        "run": None if location is None else run_identity_of(location),
+        "seen": seen_of(lineage, split.scored()).to_document(),
+        "software": software(),
         "rules": asdict(evaluation.rules) | {"flip_averaged": evaluation.flip},
         "split": {"sha256": split.sha256(), "origin": dict(split.origin)},
         "tests": tests,
     }
+
+
+def software() -> dict[str, str]:
+    """Return the versions of what scores and of what predicts, where it is installed."""
+    names = {"civil_rgbd": "civil-rgbd", "numpy": "numpy", "torch": "torch"}
+    found = {}
+    for name, package in names.items():
+        with contextlib.suppress(PackageNotFoundError):
+            found[name] = version(package)
+    return found
+
+
+def in_words(versions: Mapping[str, str]) -> str:
+    """Say versions.
+
+    >>> in_words({"civil_rgbd": "0.1.0", "numpy": "2.0"})
+    'civil_rgbd 0.1.0, numpy 2.0'
+    """
+    return ", ".join(f"{name} {number}" for name, number in versions.items())
+
+
+def _origin(origin: Mapping[str, Any]) -> str:
+    told = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in origin.items())
+    return f" ({told})" if told else ""
 
 
 def _test_document(evaluation: Evaluation, test: str) -> dict[str, Any]:
@@ -90,6 +126,7 @@ def write_results(
     data: str,
     model_sha256: str | None = None,
     data_sha256: str | None = None,
+    location: str | Path | None = None,
 ) -> dict[str, Any]:
     """Write ``results.json``, ``results.md``, ``results.csv`` and ``frames.csv``; JSON comes last.
 
@@ -100,15 +137,22 @@ def write_results(
         data: what it was scored on, in the words of the caller.
         model_sha256: of the model; None where it cannot be known.
         data_sha256: of the frames; None where nobody took it.
+        location: where the model is, to say what it has seen; None where that is nowhere.
 
     Returns:
         the JSON document.
 
     Raises:
+        FormatError: a document of the model's run is damaged.
         OutputError: a file cannot be written.
     """
     document = results_document(
-        evaluation, model=model, data=data, model_sha256=model_sha256, data_sha256=data_sha256
+        evaluation,
+        model=model,
+        data=data,
+        model_sha256=model_sha256,
+        data_sha256=data_sha256,
+        location=location,
     )
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -131,8 +175,10 @@ def results_markdown(document: Mapping[str, Any]) -> str:
         + (", scaled by the truth's median" if rules["median_scaling"] else ", no median scaling")
         + (", averaged over flips" if rules["flip_averaged"] else "")
         + f". Images with fewer than {rules['min_valid_px']} such pixels are skipped. "
-        f"Split `{split['sha256']}`.",
+        f"Split `{split['sha256']}`{_origin(split['origin'])}; {in_words(document['software'])}.",
     ]
+    if seen := seen_from(document["seen"]).in_words("the scored bridges"):
+        lines += ["", f"The model, or one that its first weights are of, was {seen}."]
     for name, test in document["tests"].items():
         lines += ["", f"## Frames: {name}", "", *_test_lines(test)]
     return "\n".join(lines) + "\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from civil_rgbd.baselines.model import MODEL_FILE
 from civil_rgbd.domain.split import Split
@@ -14,11 +14,8 @@ from civil_rgbd.format.content import frames_sha256
 from civil_rgbd.format.hashes import file_sha256
 from civil_rgbd.format.layout import bridge_folders
 from civil_rgbd.format.reader import Bridge, read_bridge
-from civil_rgbd.format.split_files import read_split
+from civil_rgbd.lineage import Lineage, seen_of
 from civil_rgbd.training.recipe import TrainingRecipe
-
-SPLIT: Final = "split.json"
-"""The frames that train and that are scored, in a run's folder."""
 
 
 def run_identity(
@@ -68,17 +65,24 @@ def weights_file(weights: Path) -> Path:
     return file
 
 
-def warn_of_leakage(weights: Path, split: Split) -> None:
-    """Warn when the run that weights come from was trained with frames that are scored now."""
-    path = weights_file(weights).parent / SPLIT
-    if not path.is_file():
-        return
-    before = read_split(path).train
-    leaked = sum(len({*ids} & {*before.get(name, ())}) for name, ids in split.scored().items())
-    if leaked:
+def warn_of_leakage(first: Lineage, split: Split) -> None:
+    """Warn when first weights have seen frames that are scored now, or nobody knows what they saw.
+
+    Args:
+        first: what the weights were trained with, by their run and by those before it.
+        split: of the run that starts from them.
+    """
+    seen = seen_of(first, split.scored())
+    if seen.scored:
         warnings.warn(
-            f"{weights} was trained with {leaked} frames that are scored of this run: its weights "
-            "have seen them",
+            f"{first.name} was trained with {seen.scored} frames that are scored of this run: its "
+            "weights have seen them, and results of this run will say so",
+            stacklevel=3,
+        )
+    if seen.unknown:
+        warnings.warn(
+            f"nobody wrote down which frames {', '.join(seen.unknown)} was trained with: results "
+            "of this run will say so",
             stacklevel=3,
         )
 

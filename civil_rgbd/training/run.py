@@ -6,6 +6,7 @@ import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,6 +21,7 @@ from civil_rgbd.errors import TrainingError, UsageError
 from civil_rgbd.format.atomic import writing
 from civil_rgbd.format.documents import document_text, read_document, write_text
 from civil_rgbd.format.split_files import write_split
+from civil_rgbd.lineage import FIRST_WEIGHTS, RUN_FILE, SPLIT_FILE, Lineage, lineage_of_weights
 from civil_rgbd.training.checkpoint import (
     CHECKPOINT,
     read_checkpoint,
@@ -28,7 +30,6 @@ from civil_rgbd.training.checkpoint import (
 )
 from civil_rgbd.training.frames import TrainingFrames, load_batches
 from civil_rgbd.training.identity import (
-    SPLIT,
     refuse_nothing_to_learn,
     run_identity,
     training_bridges,
@@ -42,10 +43,7 @@ from civil_rgbd.training.order import TrainingOrder
 from civil_rgbd.training.processes import Processes, joined
 from civil_rgbd.training.recipe import TrainingRecipe
 
-RUN: Final = "run.json"
-"""What a run is: recipe, seed, split."""
-
-_OWN_FILES: Final = (MODEL_FILE, CHECKPOINT, STEPS, SPLIT, RUN)
+_OWN_FILES: Final = (MODEL_FILE, CHECKPOINT, STEPS, SPLIT_FILE, RUN_FILE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,9 +140,10 @@ def train(job: TrainingJob, options: TrainingOptions | None = None) -> TrainingR
             bridges=bridges,
         )
         if processes.is_first:
-            if job.weights is not None:
-                warn_of_leakage(job.weights, job.split)
-            _prepare_folder(job, identity, overwrite=options.overwrite)
+            first = None if job.weights is None else lineage_of_weights(job.weights)
+            if first is not None:
+                warn_of_leakage(first, job.split)
+            _prepare_folder(job, identity, first, overwrite=options.overwrite)
         processes.wait()
         frames = TrainingFrames(job.data, job.split.train, job.recipe, seed=job.seed)
         found = _train_model(job, options, frames, processes, identity)
@@ -185,8 +184,10 @@ def _refuse_uneven(recipe: TrainingRecipe, processes: Processes) -> None:
         )
 
 
-def _prepare_folder(job: TrainingJob, identity: dict[str, Any], *, overwrite: bool) -> None:
-    path = job.out / RUN
+def _prepare_folder(
+    job: TrainingJob, identity: dict[str, Any], first: Lineage | None, *, overwrite: bool
+) -> None:
+    path = job.out / RUN_FILE
     with writing(job.out):
         job.out.mkdir(parents=True, exist_ok=True)
         if overwrite:
@@ -198,13 +199,14 @@ def _prepare_folder(job: TrainingJob, identity: dict[str, Any], *, overwrite: bo
         recipes = found.get("recipe", {}), job.recipe.to_document()
         refuse_other_run(found["identity"], identity, where=job.out, recipes=recipes)
         return
-    write_split(job.out / SPLIT, job.split)
+    write_split(job.out / SPLIT_FILE, job.split)
     document = {
         "civil_rgbd_run": 1,
         "identity": identity,
         "data": job.data.resolve().name,
         "recipe": job.recipe.to_document(),
-        "software": {"torch": str(torch.__version__)},
+        FIRST_WEIGHTS: None if first is None else first.to_document(),
+        "software": {"civil_rgbd": version("civil-rgbd"), "torch": str(torch.__version__)},
     }
     write_text(path, document_text(document))
 

@@ -172,8 +172,11 @@ def test_a_run_that_has_seen_the_test_bridge_is_told_from_others(
     assert "(trained with 2 frames of this bridge, 2 of them scored) | 0 |" in table
     assert "but where its row says so" in table
     document = json.loads((wanted.out / "benchmark.json").read_text("utf-8"))
-    assert document["rows"][0]["test_frames_trained_with"] == 2
-    assert document["cells"][0]["test_frames_trained_with_and_scored"] == 2
+    assert document["rows"][0]["seen"] == {"trained": 2, "scored": 2, "unknown": []}
+    assert document["cells"][0]["seen"]["scored"] == 2
+    results = json.loads(next(wanted.out.rglob("results.json")).read_text("utf-8"))
+    assert results["seen"] == {"trained": 2, "scored": 2, "unknown": []}
+    assert "SEEN: " in (wanted.out / "index.html").read_text("utf-8")
 
 
 def test_the_page_shows_table_curves_and_predictions_and_asks_nobody(job: BenchmarkJob) -> None:
@@ -194,14 +197,60 @@ def test_the_page_shows_table_curves_and_predictions_and_asks_nobody(job: Benchm
     assert not re.search(r'(src|href)="(?!data:|#)', page)
 
 
-def test_what_is_not_trained_is_scored_first(job: BenchmarkJob, tmp_path: Path) -> None:
-    (tmp_path / "none").mkdir()
-    models = ("bts-small", f"predictions:{tmp_path / 'none'}")
-    wanted = replace(job, models=models, out=tmp_path / "table")
-    with pytest.raises(UsageError, match="there is no prediction of frame"):
-        run_benchmark(wanted, QUIET)
+def test_a_cell_that_fails_stops_no_other_and_is_taken_up_alone(
+    job: BenchmarkJob, tmp_path: Path
+) -> None:
+    stored = tmp_path / "none"
+    (stored / "B3").mkdir(parents=True)
+    models = ("bts-small", f"predictions:{stored}")
+    wanted = replace(job, models=models, out=tmp_path / "table", seeds=1, shots=(0,))
+    order: list[str] = []
+    tell = replace(QUIET, on_cell=lambda cell, _total: order.append(cell.model))
+    rows = run_benchmark(wanted, tell)
 
-    assert not list((tmp_path / "table").rglob("model.pt"))
+    assert order == [models[1], models[0]]  # what is missing is said before hours of training
+    assert [row.seeds for row in rows] == [(0,), ()]
+    assert "there is no prediction of frame" in rows[1].failed[0]
+    for name in ("table2.md", "table2.tex", "index.html"):
+        assert "there is no prediction of frame" in (wanted.out / name).read_text("utf-8")
+    (failed,) = json.loads((wanted.out / "benchmark.json").read_text("utf-8"))["failed"]
+    assert "store it as" in failed["fix"]
+
+    bridge = read_bridge(job.data / "bridges" / "B3")
+    for row in bridge.rows:
+        write_depth(stored / "B3" / f"{row.frame_id}.exr", bridge.read_depth(row))
+    before = _written(wanted.out)
+    rows = run_benchmark(wanted, QUIET)
+    assert not any(row.failed for row in rows)
+    assert rows[1].seeds == (0,)
+    assert _written(wanted.out).items() >= before.items()
+    assert json.loads((wanted.out / "benchmark.json").read_text("utf-8"))["failed"] == []
+    assert "FAILED" not in (wanted.out / "table2.md").read_text("utf-8")
+
+
+def test_there_is_no_table_when_every_cell_fails(job: BenchmarkJob, tmp_path: Path) -> None:
+    (tmp_path / "none").mkdir()
+    models = (f"predictions:{tmp_path / 'none'}",)
+    with pytest.raises(TrainingError, match="so did 1 others: there is no prediction of") as caught:
+        run_benchmark(replace(job, models=models, out=tmp_path / "table"), QUIET)
+
+    assert "store it as" in caught.value.fix
+    assert not (tmp_path / "table" / "table2.md").exists()
+
+
+@pytest.mark.slow
+def test_a_process_that_is_killed_is_told_from_the_one_beside_it(
+    job: BenchmarkJob, tmp_path: Path
+) -> None:
+    own = tmp_path / "own.py"
+    killer = MODEL_OF_ONES_OWN.replace("TenMetres", "Killer").replace("return", "os._exit(9)\n#")
+    own.write_text(f"import os\n{MODEL_OF_ONES_OWN}\n{killer}", "utf-8")
+    models = (f"{own}:Killer", f"{own}:TenMetres")
+    wanted = replace(job, models=models, out=tmp_path / "table", seeds=1)
+    rows = run_benchmark(wanted, replace(QUIET, jobs=2))
+
+    assert [sorted(row.failed) for row in rows] == [[0], []]
+    assert "the process was killed" in rows[0].failed[0]
 
 
 @pytest.mark.slow

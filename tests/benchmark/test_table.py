@@ -11,17 +11,27 @@ from typing import Any
 
 import pytest
 
-from civil_rgbd.benchmark.cells import CellResult
-from civil_rgbd.benchmark.table import (
-    Spread,
+from civil_rgbd.benchmark.cells import CellFailure, CellResult
+from civil_rgbd.benchmark.table import Spread, table_rows
+from civil_rgbd.benchmark.table_files import (
     in_words,
     rows_document,
     table_csv,
     table_latex,
     table_markdown,
-    table_rows,
 )
 from civil_rgbd.evaluation.metrics import METRICS
+from civil_rgbd.lineage import Seen
+
+COUNTS = {
+    "images_skipped": 1,
+    "pixels": 1000,
+    "pixels_skipped": 7,
+    "clamped_low": 2,
+    "clamped_high": 3,
+    "prediction_nan": 4,
+    "prediction_infinite": 5,
+}
 
 
 def cell(model: str, seed: int, shots: int, abs_rel: float, **others: float | None) -> CellResult:
@@ -30,7 +40,7 @@ def cell(model: str, seed: int, shots: int, abs_rel: float, **others: float | No
         return {
             "per_image": metrics | {"abs_rel": value},
             "pooled": metrics | {"abs_rel": value},
-            "counts": {"images": frames, "images_skipped": 1},
+            "counts": COUNTS | {"images": frames},
         }
 
     tests = {
@@ -38,7 +48,12 @@ def cell(model: str, seed: int, shots: int, abs_rel: float, **others: float | No
         "remainder": scores(others.get("remainder", abs_rel)),
         "apart": scores(others.get("apart", abs_rel), frames=9 + 4 * seed),
     }
-    return CellResult(model, seed, shots, Path("x"), {"tests": tests})
+    results = {
+        "tests": tests,
+        "split": {"sha256": f"{seed}{shots:02}" + "0" * 61},
+        "software": {"civil_rgbd": "0.1.0"},
+    }
+    return CellResult(model, seed, shots, Path("x"), results)
 
 
 CELLS = [
@@ -93,7 +108,7 @@ def test_markdown_has_a_line_a_row_and_says_how_it_was_scored() -> None:
         "0.200 ± 0.071 (40)",
         "0.350 (8-12) |",
     ]
-    assert len(lines) == 2 + 3 + 2
+    assert len(lines) == 2 + 3 + 2 + 1 + 3 + 4 + 1  # caption, counts, splits, software
     assert "same 40 frames" in text
     assert "leakage by overlap" in text
 
@@ -126,10 +141,68 @@ def test_nothing_becomes_null_and_a_dash() -> None:
 
 
 def test_a_run_that_has_seen_the_test_bridge_is_marked() -> None:
-    seen = [replace(one, seen=(10, one.seed)) for one in CELLS if one.model == "bts"]
+    seen = [replace(one, seen=Seen(10, one.seed)) for one in CELLS if one.model == "bts"]
     text = table_markdown(table_rows([*seen, CELLS[-1]]), "B3")
 
     assert "| bts (trained with 10 frames of this bridge, 1 of them scored) | 0 |" in text
     assert "| zoe | 0 |" in text
     assert "has seen, but where its row says so;" in text
+    assert "- SEEN: bts, or one that its first weights are of, was trained with 10 frames" in text
     assert "says so" not in table_markdown(table_rows(CELLS), "B3")
+    assert "SEEN" not in table_markdown(table_rows(CELLS), "B3")
+
+
+def test_weights_that_nobody_knows_anything_of_are_marked() -> None:
+    seen = [replace(CELLS[-1], seen=Seen(unknown=("theirs.pt",)))]
+    text = table_markdown(table_rows(seen), "B3")
+
+    assert "| zoe (started from theirs.pt, and nobody knows what that was trained with) |" in text
+
+
+def test_every_table_has_splits_seeds_software_and_counts() -> None:
+    rows = table_rows(CELLS)
+    split = "130" + "0" * 61
+
+    for text in (table_markdown(rows, "B3"), table_latex(rows, "B3")):
+        assert f"Split of seed 1, 30 shots: {split}" in text
+        assert "over 2 seeds (0, 1)" in text
+        assert "Software: civil" in text
+        assert (
+            "bts, 0 shots, same frames, seeds 0, 1: 80 images and 2000 pixels scored, 2 images "
+            "skipped with 14 pixels; of the predictions 4 raised to the minimum, 6 lowered to the "
+            "maximum, 8 NaN, 10 infinite."
+        ) in text
+    values = list(csv.DictReader(io.StringIO(table_csv(rows))))
+    assert {one["software"] for one in values} == {"civil_rgbd 0.1.0"}
+    of_one = [one for one in values if (one["seed"], one["shots"]) == ("1", "30")]
+    assert {one["split_sha256"] for one in of_one} == {split}
+    skipped = [one["value"] for one in values if one["metric"] == "prediction_nan"]
+    assert skipped == ["4"] * 5 * 3
+    assert rows_document(rows)[1]["split_sha256"]["1"] == split
+
+
+FAILURE = CellFailure("bts", 1, 0, Path("y"), "the disk is full: 100 %", "y", "free some space")
+
+
+def test_a_cell_that_failed_is_marked_with_its_cause_and_the_rest_stands() -> None:
+    rows = table_rows([FAILURE, *CELLS[:3], CELLS[4]])
+    text = table_markdown(rows, "B3")
+
+    assert [row.model for row in rows] == ["bts", "bts", "zoe"]
+    assert rows[0].seeds == (0,)
+    assert rows[0].failed == {1: "the disk is full: 100 %"}
+    assert rows[1].gain.values == {0: 0.5}  # seed 1 has no run without shots to compare with
+    assert "| bts (FAILED: 1 of 2 seeds) | 0 | 0.400 |" in text
+    assert "- FAILED: bts, 0 shots, seed 1 is not in the table: the disk is full: 100 %. " in text
+    assert r"the disk is full: 100 \%" in table_latex(rows, "B3")
+    assert "bts,0,,,failed,1,the disk is full: 100 %," in table_csv(rows)
+    assert rows_document(rows)[0]["failed"] == {"1": "the disk is full: 100 %"}
+
+
+def test_a_row_of_which_every_cell_failed_has_dashes() -> None:
+    rows = table_rows([replace(FAILURE, model="bts", shots=20), CELLS[1]])
+    text = table_markdown(rows, "B3")
+
+    assert "| bts (FAILED: 1 of 1 seeds) | 20 | - | - | - | - | - | - | - | - (-) | - (-) |" in text
+    assert "- bts, 20 shots: nothing was scored." in text
+    assert rows_document(rows)[1]["frames"]["same"] is None

@@ -116,6 +116,21 @@ def test_the_table_comes_out_of_one_command(
     assert (tmp_path / "t" / "index.html").is_file()
 
 
+def test_a_failed_cell_is_in_the_table_and_in_the_exit_code(
+    data: Path, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "none").mkdir()
+    models = f"{run},predictions:{tmp_path / 'none'}"
+    arguments = ["--data", str(data), "--test-bridge", "B3", "--models", models, "--draw", "1"]
+    arguments += ["--shots", "0", "--seeds", "1", "--out", str(tmp_path / "t")]
+    status = main(["benchmark", *arguments])
+
+    assert status == 1
+    said = capsys.readouterr().out
+    assert "(FAILED: 1 of 1 seeds) | 0 |" in said
+    assert "is not in the table: there is no prediction of frame" in said
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import shutil
 import signal
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +21,7 @@ from civil_rgbd.domain.split import Split
 from civil_rgbd.errors import FormatError, TrainingError, UsageError
 from civil_rgbd.evaluation.run import evaluate
 from civil_rgbd.format.split_files import read_split
+from civil_rgbd.lineage import Seen, lineage_of, seen_of
 from civil_rgbd.training.frames import TrainingFrames
 from civil_rgbd.training.journal import StepRecord, read_steps
 from civil_rgbd.training.run import TrainingJob, TrainingOptions, train
@@ -166,7 +169,8 @@ def test_a_run_of_other_data_or_other_first_weights_is_another_run(
     again = {"weights": tmp_path / "run"}
     train(job(learnable, tmp_path / "second", "run.steps=1", **again), QUIET)
     (tmp_path / "moved").mkdir()
-    (tmp_path / "run" / "model.pt").rename(tmp_path / "moved" / "model.pt")
+    for name in ("model.pt", "split.json", "run.json"):
+        (tmp_path / "run" / name).rename(tmp_path / "moved" / name)
     moved = {"weights": tmp_path / "moved"}
     assert train(job(learnable, tmp_path / "second", "run.steps=1", **moved), QUIET).steps == 1
     (tmp_path / "second" / "model.pt").replace(tmp_path / "moved" / "model.pt")
@@ -249,6 +253,32 @@ def test_weights_that_have_seen_what_is_scored_are_warned_of(
     wanted = job(learnable, tmp_path / "second", "run.steps=1", split=turned)
     with pytest.warns(UserWarning, match="was trained with 2 frames that are scored of this run"):
         train(replace(wanted, weights=tmp_path / "first"), QUIET)
+
+    again = job(learnable, tmp_path / "third", "run.steps=1", split=turned)
+    with pytest.warns(UserWarning, match="second was trained with 2 frames that are scored"):
+        train(replace(again, weights=tmp_path / "second" / "model.pt"), QUIET)
+    lineage = lineage_of(tmp_path / "third" / "model.pt")
+    assert lineage is not None
+    assert lineage.trained_with == {**SPLIT.train, "B3": ids(0, 1, 2, 3)}
+    assert seen_of(lineage, turned.scored()) == Seen(trained=6, scored=2)
+
+
+def test_weights_that_are_no_runs_are_warned_of_and_written_down(
+    learnable: Path, tmp_path: Path
+) -> None:
+    train(job(learnable, tmp_path / "first", "run.steps=1"), QUIET)
+    shutil.copy(tmp_path / "first" / "model.pt", tmp_path / "theirs.pt")
+    wanted = job(learnable, tmp_path / "second", "run.steps=1")
+    with pytest.warns(UserWarning, match=r"nobody wrote down which frames theirs\.pt was trained"):
+        train(replace(wanted, weights=tmp_path / "theirs.pt"), QUIET)
+
+    document = json.loads((tmp_path / "second" / "run.json").read_text("utf-8"))
+    assert document["first_weights"] == {
+        "name": "theirs.pt",
+        "trained_with": {},
+        "unknown": ["theirs.pt"],
+    }
+    assert seen_of(lineage_of(tmp_path / "second"), {"B3": ()}).unknown == ("theirs.pt",)
 
 
 def test_a_loss_that_is_not_finite_names_the_frames(learnable: Path, tmp_path: Path) -> None:
