@@ -10,7 +10,8 @@ import random
 import secrets
 import shutil
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
@@ -22,6 +23,7 @@ from civil_rgbd.storage.places import Place
 from civil_rgbd.storage.remote_path import RemotePath
 
 _POLL_S: Final = 0.05
+_SYNCED_AT_ONCE: Final = 16  # journals commit together what waits together: 3 to 4 times faster
 _SHARERS: Final = 4096  # on Windows
 _TRIES: Final = 100  # to open a file whose folder others take away when they end
 _LOCKED_BYTE: Final = 1 << 30  # beyond the holder's note: Windows forbids reading a locked byte
@@ -92,6 +94,12 @@ def _sync(path: Path) -> None:
         os.close(handle)
 
 
+def _sync_all(files: Sequence[Path]) -> None:
+    with ThreadPoolExecutor(max(1, min(_SYNCED_AT_ONCE, len(files)))) as pool:
+        for _ in pool.map(_sync, files):
+            pass  # raises what one of them raised
+
+
 def sync_tree(folder: Place) -> None:
     """Bring every file and folder below ``folder``, and itself, to the disk.
 
@@ -101,9 +109,9 @@ def sync_tree(folder: Place) -> None:
     if isinstance(folder, RemotePath):
         return  # an object that is there is safe
     with writing(folder):
-        for root, _, names in os.walk(folder, topdown=False):
-            for name in names:
-                _sync(Path(root) / name)
+        below = list(os.walk(folder, topdown=False))
+        _sync_all([Path(root, name) for root, _, names in below for name in names])
+        for root, _, _ in below:
             _sync(Path(root))
 
 
@@ -121,7 +129,8 @@ def sync_files(folder: Place, paths: Iterable[str]) -> None:
         return  # an object that is there is safe
     files = [folder / path for path in paths]
     with writing(folder):
-        for path in [*files, *sorted({path.parent for path in files}), folder]:
+        _sync_all(files)
+        for path in [*sorted({path.parent for path in files}), folder]:
             _sync(path)
 
 

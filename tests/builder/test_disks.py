@@ -119,12 +119,19 @@ def test_a_file_that_may_not_grow_is_said_and_gone_on_with(
 # --- power cuts: the order of writes, syncs and renames, as the kernel sees them ------------------
 
 _CALL = re.compile(r"(?P<call>\w+)\((?P<rest>.*)\)\s+= (?P<result>-?\d+)")
+_BEGUN = " <unfinished ...>"
+_ENDED = re.compile(r"^\s*<\.\.\. \w+ resumed>")
 
 
 def calls_of(trace: Path) -> Iterator[tuple[str, list[str]]]:
-    """Successful calls in order: name, and the paths in it."""
+    """Successful calls in the order in which they ended: name, and the paths in it."""
+    begun: dict[str, str] = {}  # by thread: strace tells of calls at once in two halves
     for line in trace.read_text().splitlines():
-        found = _CALL.search(line)
+        thread, _, said = line.partition(" ")
+        if said.endswith(_BEGUN):
+            begun[thread] = said.removesuffix(_BEGUN)
+            continue
+        found = _CALL.search(_ENDED.sub(lambda _, thread=thread: begun.pop(thread), said))
         if found and not found["result"].startswith("-"):
             call, rest = found["call"], found["rest"]
             opened = re.match(r"\d+<([^>]+)>", rest)
