@@ -9,7 +9,7 @@ from typing import Final
 
 from civil_rgbd.builder.chunks import Job
 from civil_rgbd.builder.executors import Event, Executor, Finished, Lost, Raised, Task
-from civil_rgbd.errors import BridgeFailedError, CivilRgbdError, OutputError
+from civil_rgbd.errors import BridgeFailedError, CivilRgbdError, OutputError, StorageError
 
 MAX_ATTEMPTS: Final = 3
 """A chunk that fails this often is given up."""
@@ -69,6 +69,9 @@ def run_tasks(
             causes[event.task].append(event.cause)
             if len(causes[event.task]) >= MAX_ATTEMPTS:
                 yield Failed(event.task, _given_up(event, causes[event.task], jobs))
+            elif isinstance(event, Raised) and isinstance(event.error, StorageError):
+                # It takes half a minute to find storage out of reach: not each chunk shall.
+                waiting.appendleft(event.task)
             else:
                 again = last if len(causes[event.task]) == MAX_ATTEMPTS - 1 else waiting
                 again.append(event.task)
@@ -88,8 +91,9 @@ def _start(
 
 
 def _is_final(error: CivilRgbdError) -> bool:
-    # What a recording or a recipe lacks, it lacks the next time too. A disk may have hiccups.
-    return not isinstance(error, OutputError)
+    # What a recording or a recipe lacks, it lacks the next time too. A disk may have hiccups, a
+    # network too; or one worker of many lacks credentials.
+    return not isinstance(error, OutputError | StorageError)
 
 
 def _given_up(event: Lost | Raised, causes: list[str], jobs: Sequence[Job]) -> CivilRgbdError:

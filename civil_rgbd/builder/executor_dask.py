@@ -33,7 +33,7 @@ from civil_rgbd.builder.executors import (
 from civil_rgbd.builder.originals import fingerprint
 from civil_rgbd.builder.provenance import software
 from civil_rgbd.domain.bridge import Software
-from civil_rgbd.errors import BridgeFailedError
+from civil_rgbd.errors import BridgeFailedError, CivilRgbdError
 from civil_rgbd.storage.places import is_remote
 
 _LOOK_EVERY_S: Final = 5.0  # a cluster grows and shrinks, and may lose a chunk without a word
@@ -90,6 +90,9 @@ def run_on_worker(plugin: str, task: Task) -> Event:
         job = place.jobs[task.job]
         _refuse_other_files(job)
         record = run_chunk(job, task.chunk, place.makers.of(job), on_frame=_still_wanted(job))
+    except CivilRgbdError as error:
+        where = f"{error.where}, on the worker {get_worker().address}"
+        return raised(task, type(error)(error.what, where=where, fix=error.fix))
     except Exception as error:  # noqa: BLE001  # whatever it is, other chunks go on
         return raised(task, error)
     return Finished(task, record)

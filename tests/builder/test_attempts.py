@@ -12,7 +12,7 @@ from civil_rgbd.builder.chunks import ChunkRecord, Job
 from civil_rgbd.builder.executors import Event, Finished, Lost, Raised, Task
 from civil_rgbd.builder.plan import Chunk, plan_frames
 from civil_rgbd.domain.recipe import Recipe
-from civil_rgbd.errors import OutputError, RecordingError
+from civil_rgbd.errors import OutputError, RecordingError, StorageError
 from civil_rgbd.simulator.recording import SimulatedRecording
 
 TASKS = [Task(0, Chunk(number, number, number + 1)) for number in range(4)]
@@ -118,6 +118,27 @@ def test_a_disk_may_have_hiccups_but_not_for_ever(jobs: list[Job]) -> None:
 
     assert [end.error for end in ends if isinstance(end, Failed)] == [error]
     assert len(ends) == 4
+
+
+def test_storage_out_of_reach_is_asked_again_at_once_but_not_for_every_chunk(
+    jobs: list[Job],
+) -> None:
+    error = StorageError("the object storage cannot be reached", where="s3://x", fix="y")
+    asked: list[int] = []
+    failed: list[int] = []
+
+    def script(task: Task, _attempt: int) -> Event:
+        asked.append(task.chunk.number)
+        return Raised(task, error, error.what)
+
+    executor = ScriptedExecutor(script, slots=1)
+    for event in run_tasks(executor, TASKS, jobs, wanted=lambda _task: not failed):
+        if isinstance(event, Failed):
+            assert event.error is error
+            failed.append(event.task.chunk.number)
+
+    assert asked == [0] * MAX_ATTEMPTS
+    assert failed == [0]
 
 
 def test_what_nobody_wants_any_more_is_not_started(jobs: list[Job]) -> None:
