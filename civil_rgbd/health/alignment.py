@@ -16,6 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.health.depth_edges import DepthEdges
 
 Floats = NDArray[np.float64]
@@ -24,17 +25,20 @@ _FEWEST_EDGES: Final = 400  # of all
 _MOST_EDGES: Final = 12_000
 _AROUND_PX: Final = 41
 _FLOOR: Final = 10.0
-_SPREADS_PX: Final = (4.0, 1.5)
+_SHRINK: Final = 0.25  # of the maps that the coarse search reads
+_SPREADS_PX: Final = (1.0, 1.5)  # of the shrunk maps, and of the whole ones
 _REACH_RAD: Final = math.radians(3.0)
 _COARSE_RAD: Final = math.radians(0.5)
+_MIDDLE_RAD: Final = math.radians(0.06)
 _FINE_RAD: Final = math.radians(0.02)
+_SPARSE: Final = 3
 _GROUPS: Final = 4
 _TOPS: Final = 5
 _RIVAL_RAD: Final = math.radians(0.4)
 _LEAD_SIGMAS: Final = 3.0
 _FEWEST_OF_A_PICTURE: Final = 30
 _EXPECTED_RAD: Final = math.radians(0.15)
-_ODDITY_COSTS: Final = 0.01
+_ODDITY_COSTS: Final = 0.005
 _ODD: Final = 9.0
 _SURE_RAD: Final = math.radians(0.15)
 _LEAST_CONTRAST: Final = 1.15
@@ -87,16 +91,17 @@ def align(
             None, 0.0, 1.0, 1.0, len(edges.rays), f"only {len(edges.rays)} depth edges are in view"
         )
     edges = _thinned(edges)
-    coarse, fine = _edge_maps(edges.pictures)
+    shrunk = replace(edges, camera=edges.camera.scaled(_SHRINK))
+    coarse, fine = _edge_maps(edges.pictures, shrunk.camera)
     everything = np.ones(len(edges.rays), dtype=np.bool_)
     search = _Search(edges, fine, *_softened(expected))
-    starts = _tops(_Search(edges, coarse, search.expected, search.sigma), reach_rad)
-    tops = [_finest(search, start, everything) for start in (*starts, search.expected)]
-    tops.sort(key=lambda top: -float(search.worth(top[np.newaxis], everything)[0]))
+    starts = _tops(_Search(shrunk, coarse, search.expected, search.sigma), reach_rad)
+    tops = _climbed(search, [*starts, search.expected])
     best = tops[0]
     contrast, given = (_score(edges, fine, turn, everything) for turn in (best, np.zeros(3)))
     group = edges.picture % _GROUPS
-    others = np.array([_finest(search, best, group != left_out) for left_out in range(_GROUPS)])
+    parts = [group != left_out for left_out in range(_GROUPS)]
+    others = np.array([_finest(search, best, part, step_rad=_MIDDLE_RAD) for part in parts])
     # Leaving out one group of four at a time: the jackknife.
     spread = (others - others.mean(axis=0)) ** 2
     sigma = math.sqrt(float(spread.sum()) * (_GROUPS - 1) / _GROUPS)
@@ -124,23 +129,31 @@ def _thinned(edges: DepthEdges) -> DepthEdges:
     )
 
 
-def _edge_maps(pictures: NDArray[np.uint8]) -> tuple[NDArray[np.float32], ...]:
+def _edge_maps(
+    pictures: NDArray[np.uint8], shrunk: PinholeCamera
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return edges across columns, and across rows, beside their surroundings.
 
     Returns:
-        for each of the spreads (2, P, H, W) float32, of mean 1.
+        (2, P, h, w) as a shrunk camera sees them, spread widely, and (2, P, H, W): float32, of
+        mean 1.
     """
-    every = tuple(np.empty((2, *pictures.shape), dtype=np.float32) for _ in _SPREADS_PX)
+    size = shrunk.width_px, shrunk.height_px
+    coarse = np.empty((2, len(pictures), *size[::-1]), dtype=np.float32)
+    fine = np.empty((2, *pictures.shape), dtype=np.float32)
     for number, grey in enumerate(pictures):
         smooth = cv2.GaussianBlur(grey, (0, 0), 0.8)
         for axis in (0, 1):
             steep = np.abs(cv2.Sobel(smooth, cv2.CV_32F, 1 - axis, axis))
             around = cv2.blur(steep, (_AROUND_PX, _AROUND_PX)) + _FLOOR
-            steep = np.minimum(steep, 4 * around)
-            for maps, spread_px in zip(every, _SPREADS_PX, strict=True):
-                near = cv2.GaussianBlur(steep, (0, 0), spread_px) / around
+            edge = np.minimum(steep, 4 * around) / around
+            small = cv2.resize(edge, size, interpolation=cv2.INTER_AREA)
+            for maps, seen, spread_px in zip(
+                (coarse, fine), (small, edge), _SPREADS_PX, strict=True
+            ):
+                near = cv2.GaussianBlur(seen, (0, 0), spread_px)
                 maps[axis, number] = near / (cv2.mean(near)[0] + 1e-6)
-    return every
+    return coarse, fine
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,11 +222,32 @@ def _rivalled(search: _Search, tops: list[Floats]) -> bool:
     return False
 
 
-def _finest(search: _Search, start: Floats, chosen: NDArray[np.bool_]) -> Floats:
+def _climbed(search: _Search, starts: list[Floats]) -> list[Floats]:
+    """Climb from every start, and return the tops that lie apart, the best one first."""
+    count = len(search.edges.rays)
+    everything, some = np.ones(count, np.bool_), np.arange(count) % _SPARSE == 0
+    near: list[Floats] = []
+    for start in starts:
+        top = _finest(search, start, some, least_rad=_MIDDLE_RAD)
+        if all(_apart(top, other) > _MIDDLE_RAD for other in near):
+            near.append(top)
+    tops = [_finest(search, top, everything, step_rad=_MIDDLE_RAD) for top in near]
+    tops.sort(key=lambda top: -float(search.worth(top[np.newaxis], everything)[0]))
+    return tops
+
+
+def _finest(
+    search: _Search,
+    start: Floats,
+    chosen: NDArray[np.bool_],
+    *,
+    step_rad: float = _COARSE_RAD / 2,
+    least_rad: float = _FINE_RAD,
+) -> Floats:
     """Climb from a start: all neighbours at a step, halved when none is better."""
     cube = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
-    best, step, score = start, _COARSE_RAD / 2, -np.inf
-    while step > _FINE_RAD:
+    best, step, score = start, step_rad, -np.inf
+    while step > least_rad:
         turns = best + step * cube
         scores = search.worth(turns, chosen)
         at = int(scores.argmax())

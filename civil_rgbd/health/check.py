@@ -21,13 +21,15 @@ from civil_rgbd.health.coverage import coverage_figures
 from civil_rgbd.health.depth_edges import depth_edges
 from civil_rgbd.health.direction import compare_directions
 from civil_rgbd.health.inspection import choose
+from civil_rgbd.health.mounting import turn_of_mounting
 from civil_rgbd.health.pictures import look_at_pictures, picture_figures
 from civil_rgbd.health.rates import drift_figure as clock_figure
 from civil_rgbd.health.rates import rate_figures, timing_figures
-from civil_rgbd.health.sampling import Stretch, Views, stretches_of, viewer_of
+from civil_rgbd.health.sampling import Stretch, stretches_of
 from civil_rgbd.health.steadiness import drift_figure, jump_figures
-from civil_rgbd.health.tracks import tracks_of
-from civil_rgbd.health.turning import TimeOffset, time_offset, turn_of_mounting
+from civil_rgbd.health.tracks import pairs_of, tracks_of
+from civil_rgbd.health.turning import TimeOffset, time_offset
+from civil_rgbd.health.views import Views, viewer_of
 
 _NO_POSES = "the recording has no poses yet"
 _OF_POSES = ("pose-rate", "pose-gap", "pose-jump", "pose-jerk")
@@ -113,8 +115,8 @@ def _mounting(given: CheckInput, stretches: tuple[Stretch, ...]) -> Iterator[Fig
         yield _inverted(recording)
         return
     views = Views(recording)
-    tracks = tracks_of(recording, stretches, views)
-    offset = time_offset(recording, tracks)
+    pairs = pairs_of(recording, stretches, views)
+    offset = time_offset(recording, tracks_of(recording, stretches, pairs))
     yield _offset_figure(recording, offset)
     if offset.offset_s is None:
         # Unless it turns, an image's instant and the camera's turn cannot be told apart.
@@ -122,7 +124,8 @@ def _mounting(given: CheckInput, stretches: tuple[Stretch, ...]) -> Iterator[Fig
         yield _inverted(recording)
         return
     edges = depth_edges(recording, stretches, views, offset.offset_s)
-    alignment = align(edges, turn_of_mounting(recording, tracks, offset.offset_s))
+    expected = turn_of_mounting(recording, stretches, pairs, offset.offset_s)
+    alignment = align(edges, expected)
     yield _extrinsics_figure(recording, alignment)
     yield Figure("rig-inverted", 0.0) if alignment.turn_deg else _inverted(recording)
 

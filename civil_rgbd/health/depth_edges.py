@@ -10,11 +10,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.domain.recording import Recording
 from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.geometry.transforms import inverse
 from civil_rgbd.health.nearest import nearest_a_cell
-from civil_rgbd.health.sampling import Stretch, Views, camera_poses, image_stamps
+from civil_rgbd.health.sampling import Posed, Stretch, camera_poses, image_stamps
+from civil_rgbd.health.views import Views
 
 Floats = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class DepthEdges:
 
 
 def depth_edges(
-    recording: Recording, stretches: Sequence[Stretch], views: Views, shift_s: float
+    recording: Posed, stretches: Sequence[Stretch], views: Views, shift_s: float
 ) -> DepthEdges:
     """Find the depth edges around some images of each stretch.
 

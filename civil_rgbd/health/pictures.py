@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.health.checks import Figure
-from civil_rgbd.health.sampling import Viewer, small_grey
+from civil_rgbd.health.views import Viewer, small_grey
 
 _LOOKED_AT: Final = 80
 _START_S: Final = 4.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.domain.recording import Recording
 from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.geometry.transforms import inverse
 from civil_rgbd.health.nearest import nearest_a_cell
-from civil_rgbd.health.sampling import Stretch, Views, camera_poses, image_stamps
+from civil_rgbd.health.sampling import Posed, Stretch, camera_poses, image_stamps
+from civil_rgbd.health.views import Views
 
 Floats = NDArray[np.float64]
 
@@ -47,34 +47,65 @@ class Track:
     depths_m: Floats
 
 
-def tracks_of(
-    recording: Recording, stretches: Sequence[Stretch], views: Views
-) -> tuple[Track, ...]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Pair:
+    """Features followed from one image to the next, as pixels.
+
+    Attributes:
+        stretch: which one, by its place.
+        images: indices of both.
+        pixels: (2, F, 2) column and row, in the earlier image and in the later one.
+        camera: whose pixels they are.
+    """
+
+    stretch: int
+    images: tuple[int, int]
+    pixels: Floats
+    camera: PinholeCamera
+
+
+def pairs_of(recording: Posed, stretches: Sequence[Stretch], views: Views) -> tuple[Pair, ...]:
     """Follow features through the images of each stretch."""
-    return tuple(track for stretch in stretches for track in _tracks_in(recording, stretch, views))
-
-
-def _tracks_in(recording: Recording, stretch: Stretch, views: Views) -> Iterator[Track]:
     stamps_ns = image_stamps(recording)
-    points_map = stretch.points_map[::_EVERY]
-    before: tuple[int, NDArray[np.uint8]] | None = None
-    for index in stretch.images:
-        stamp_ns, grey = int(stamps_ns[index]), views.at(index)
-        if grey is None:
-            continue
-        if before is not None and 0 < stamp_ns - before[0] < _LONGEST_NS:
-            followed = _followed(before[1], grey, views)
-            if followed is not None:
-                T_map_camera = camera_poses(recording, np.array([before[0]]))[0]
-                depths = _depths(points_map, inverse(T_map_camera), views.camera, followed[0])
-                rays, seen = (_rays(pixels, views.camera) for pixels in followed)
-                yield Track(before[0], stamp_ns, rays, seen, depths)
-        before = stamp_ns, grey
+    found: list[Pair] = []
+    for number, stretch in enumerate(stretches):
+        before: int | None = None
+        for index in stretch.images:
+            grey = views.at(index)
+            if grey is None:
+                continue
+            earlier = None if before is None else views.at(before)
+            if before is not None and earlier is not None:
+                near = 0 < stamps_ns[index] - stamps_ns[before] < _LONGEST_NS
+                pixels = _followed(earlier, grey, views) if near else None
+                if pixels is not None:
+                    found.append(Pair(number, (before, index), pixels, views.camera))
+            before = index
+    return tuple(found)
 
 
-def _followed(
-    first: NDArray[np.uint8], second: NDArray[np.uint8], views: Views
-) -> tuple[Floats, Floats] | None:
+def tracks_of(
+    recording: Posed, stretches: Sequence[Stretch], pairs: Sequence[Pair]
+) -> tuple[Track, ...]:
+    """Give the features depths, from where the rig says that the camera was.
+
+    Args:
+        recording: with poses.
+        stretches: of it.
+        pairs: from :func:`pairs_of`.
+    """
+    stamps_ns, tracks = image_stamps(recording), []
+    for pair in pairs:
+        from_ns, to_ns = (int(stamps_ns[index]) for index in pair.images)
+        T_map_camera = camera_poses(recording, np.array([from_ns]))[0]
+        points_map = stretches[pair.stretch].points_map[::_EVERY]
+        depths = _depths(points_map, inverse(T_map_camera), pair.camera, pair.pixels[0])
+        rays, seen = (_rays(pixels, pair.camera) for pixels in pair.pixels)
+        tracks.append(Track(from_ns, to_ns, rays, seen, depths))
+    return tuple(tracks)
+
+
+def _followed(first: NDArray[np.uint8], second: NDArray[np.uint8], views: Views) -> Floats | None:
     mask = views.viewer.exists.astype(np.uint8)
     corners = cv2.goodFeaturesToTrack(first, _FEATURES, 0.01, 10, mask=mask)
     if corners is None or len(corners) < FEWEST_FEATURES:
@@ -87,7 +118,7 @@ def _followed(
     good = (status[:, 0] == 1) & inside
     if good.sum() < FEWEST_FEATURES:
         return None
-    return corners[good, 0].astype(np.float64), found[good, 0].astype(np.float64)
+    return np.stack([corners[good, 0], found[good, 0]]).astype(np.float64)
 
 
 def _depths(

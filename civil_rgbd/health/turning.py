@@ -11,14 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.domain.recording import Recording
-from civil_rgbd.geometry.transforms import compose, inverse
-from civil_rgbd.health.sampling import camera_poses
-from civil_rgbd.health.tracks import FEWEST_FEATURES, Track
+from civil_rgbd.health.rotations import DOUBT_RAD, Turns, mounting_rows, turned, turns_at
+from civil_rgbd.health.sampling import Posed
+from civil_rgbd.health.tracks import Track
 
 Floats = NDArray[np.float64]
 
@@ -29,18 +27,7 @@ _SEARCH_S: Final = 0.25
 _STEP_S: Final = 0.01
 _FEWEST_TURNS: Final = 12
 _ROUNDS: Final = 2
-_DOUBT_RAD: Final = 0.05  # of the extrinsics, one sigma: they are estimated along
-_MOUNT_ROUNDS: Final = 8
 _SURE_S: Final = 0.004
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Turns:
-    """Rotations between neighbouring images: stamps (T,) int64, rotation vectors (T, 3)."""
-
-    from_ns: NDArray[np.int64]
-    to_ns: NDArray[np.int64]
-    seen_rad: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,62 +47,7 @@ class TimeOffset:
     why_not: str = ""
 
 
-def _turns_at(recording: Recording, tracks: Sequence[Track], shift_s: float) -> _Turns:
-    """Take the camera's way out of the tracks, as the poses give it for shifted stamps."""
-    rows = []
-    shift_ns = round(shift_s * 1e9)
-    for track in tracks:
-        stamps_ns = np.array([track.from_ns, track.to_ns])
-        T_map_camera = camera_poses(recording, stamps_ns + shift_ns)
-        T_second_first = compose(inverse(T_map_camera[1]), T_map_camera[0])
-        R, t = T_second_first[:3, :3], T_second_first[:3, 3]
-        left = _rotation_left(track.rays @ R.T + t / track.depths_m[:, np.newaxis], track.seen)
-        if left is not None:
-            rows.append((track.from_ns, track.to_ns, rotation_vector(_rotation(left) @ R)))
-    stamps = np.array([row[:2] for row in rows], dtype=np.int64).reshape(-1, 2)
-    seen = np.array([row[2] for row in rows], dtype=np.float64).reshape(-1, 3)
-    return _Turns(stamps[:, 0], stamps[:, 1], seen)
-
-
-def _rotation_left(expected: Floats, seen: Floats) -> Floats | None:
-    """Return the rotation vector that takes expected directions to those seen, robustly."""
-    x, y = expected[:, 0] / expected[:, 2], expected[:, 1] / expected[:, 2]
-    off = np.stack([seen[:, 0] - x, seen[:, 1] - y])
-    rows = np.stack([
-        np.column_stack([-x * y, 1 + x * x, -y]),
-        np.column_stack([-(1 + y * y), x * y, x]),
-    ])  # fmt: skip
-    turn = np.array([np.median(-off[1]), np.median(off[0]), 0.0])
-    for _ in range(8):
-        left = off - rows @ turn
-        size = np.sqrt((left**2).sum(axis=0))
-        scale = 1.4826 * float(np.median(size)) + 1e-5
-        weight = 1 / (1 + (size / (2 * scale)) ** 2) ** 2
-        weighted = rows * weight[:, np.newaxis]
-        normal = sum(weighted[k].T @ rows[k] for k in (0, 1))
-        change = np.linalg.solve(normal, sum(weighted[k].T @ left[k] for k in (0, 1)))
-        turn = turn + change
-    inliers = size < 3 * scale
-    return turn if inliers.sum() >= FEWEST_FEATURES and scale < 0.02 else None
-
-
-def rotation_vector(R: Floats) -> Floats:
-    """Return axis times angle of (..., 3, 3) rotations that are far from half a turn."""
-    skew = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0],
-                     R[..., 1, 0] - R[..., 0, 1]], axis=-1) / 2  # fmt: skip
-    sine = np.sqrt((skew**2).sum(axis=-1, keepdims=True))
-    cosine = (np.trace(R, axis1=-2, axis2=-1)[..., np.newaxis] - 1) / 2
-    angle = np.arctan2(sine, cosine)
-    vector: Floats = skew * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 1.0)
-    return vector
-
-
-def _rotation(vector: Floats) -> Floats:
-    matrix, _ = cv2.Rodrigues(vector)
-    return np.asarray(matrix, dtype=np.float64)
-
-
-def time_offset(recording: Recording, tracks: Sequence[Track]) -> TimeOffset:
+def time_offset(recording: Posed, tracks: Sequence[Track]) -> TimeOffset:
     """Find the shift of the images' stamps at which the poses turn as the images do.
 
     Args:
@@ -126,7 +58,7 @@ def time_offset(recording: Recording, tracks: Sequence[Track]) -> TimeOffset:
     for _ in range(_ROUNDS):  # the camera's way between two images depends on their instants, too
         if found.offset_s is None:
             return found
-        turns = _turns_at(recording, tracks, found.offset_s)
+        turns = turns_at(recording, tracks, found.offset_s)
         rates = _rates(recording, turns)
         rate = float(np.sqrt((rates**2).sum(axis=1).mean())) if len(rates) else 0.0
         refused = _why_not(rates, rate)
@@ -139,7 +71,7 @@ def time_offset(recording: Recording, tracks: Sequence[Track]) -> TimeOffset:
     return found
 
 
-def _best_shift(recording: Recording, turns: _Turns, rate_rad_s: float) -> TimeOffset:
+def _best_shift(recording: Posed, turns: Turns, rate_rad_s: float) -> TimeOffset:
     shifts = np.arange(-_SEARCH_S, _SEARCH_S + _STEP_S / 2, _STEP_S)
     scale = 0.002
     for _ in range(2):  # the second time what does not fit is known
@@ -162,11 +94,11 @@ def _best_shift(recording: Recording, turns: _Turns, rate_rad_s: float) -> TimeO
     return TimeOffset(offset_s, sigma_s, rate_rad_s)
 
 
-def _rates(recording: Recording, turns: _Turns) -> Floats:
+def _rates(recording: Posed, turns: Turns) -> Floats:
     if not len(turns.from_ns):
         return np.zeros((0, 3))
     span_s = (turns.to_ns - turns.from_ns)[:, np.newaxis] / 1e9
-    return _turned(recording, turns, 0.0) / span_s
+    return turned(recording, turns, 0.0) / span_s
 
 
 def _why_not(rates: Floats, rate_rad_s: float) -> str:
@@ -185,63 +117,17 @@ def _why_not(rates: Floats, rate_rad_s: float) -> str:
     return ""
 
 
-def _turned(recording: Recording, turns: _Turns, shift_s: float) -> Floats:
-    shift_ns = round(shift_s * 1e9)
-    first = camera_poses(recording, turns.from_ns + shift_ns)[:, :3, :3]
-    second = camera_poses(recording, turns.to_ns + shift_ns)[:, :3, :3]
-    return rotation_vector(np.swapaxes(second, 1, 2) @ first)
-
-
-def turn_of_mounting(
-    recording: Recording, tracks: Sequence[Track], shift_s: float
-) -> tuple[Floats, Floats]:
-    """Say how the camera is turned, from how images and poses turn: about axes across the turning.
-
-    Args:
-        recording: with poses.
-        tracks: from :func:`civil_rgbd.health.tracks.tracks_of`.
-        shift_s: to be added to the images' stamps beyond what the rig says.
-
-    Returns:
-        rotation vector (3,) by which the stated camera is to be turned, and standard errors (3,).
-    """
-    turns = _turns_at(recording, tracks, shift_s)
-    said = _turned(recording, turns, shift_s)
-    rows, left = _mounting_rows(said), turns.seen_rad - said
-    mount, scale = np.zeros(3), 1.0
-    for _ in range(_MOUNT_ROUNDS):
-        size2 = ((left - rows @ mount) ** 2).sum(axis=1)
-        scale = 1.4826 * float(np.median(np.sqrt(size2))) + 1e-5
-        weight = 1 / (1 + size2 / (2 * scale) ** 2)
-        normal = np.einsum("nij,n,nik->jk", rows, weight, rows)
-        normal += np.eye(3) * (scale / _DOUBT_RAD) ** 2
-        mount = np.linalg.solve(normal, np.einsum("nij,n,ni->j", rows, weight, left))
-    return -mount, scale * np.sqrt(np.diag(np.linalg.inv(normal)))
-
-
-def _mounting_rows(said: Floats) -> Floats:
-    """Return (T, 3, 3): what a small turn of the mounting adds to each rotation vector."""
-    x, y, z = said.T
-    zero = np.zeros_like(x)
-    rows: Floats = np.stack(
-        [np.stack([zero, z, -y], 1), np.stack([-z, zero, x], 1), np.stack([y, -x, zero], 1)], axis=1
-    )
-    return rows
-
-
-def _misfit(
-    recording: Recording, turns: _Turns, shift_s: float, scale: float
-) -> tuple[float, Floats]:
+def _misfit(recording: Posed, turns: Turns, shift_s: float, scale: float) -> tuple[float, Floats]:
     """Return the robust misfit of a shift, and what is left; a wrong mounting turns all alike."""
-    said = _turned(recording, turns, shift_s)
+    said = turned(recording, turns, shift_s)
     left = turns.seen_rad - said
-    rows = _mounting_rows(said)
+    rows = mounting_rows(said)
     mount = np.zeros(3)
     for _ in range(3):
         now = left - rows @ mount
         weight = 1 / (1 + (now**2).sum(axis=1) / (3 * scale) ** 2)
         normal = np.einsum("nij,n,nik->jk", rows, weight, rows)
-        prior = np.eye(3) * (min(scale, 0.01) / _DOUBT_RAD) ** 2
+        prior = np.eye(3) * (min(scale, 0.01) / DOUBT_RAD) ** 2
         mount = np.linalg.solve(normal + prior, np.einsum("nij,n,ni->j", rows, weight, left))
     now = left - rows @ mount
     size2 = (now**2).sum(axis=1)
