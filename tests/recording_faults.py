@@ -68,21 +68,44 @@ class Extent:
         return self.first_ns + round(share * (self.last_ns - self.first_ns))
 
 
-def rewrite(source: Path, out: Path, edit: Edit) -> Path:
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """A recording in memory.
+
+    Attributes:
+        topics: name and encoding of messages and schema, and the schema, by topic.
+        messages: in the file's order of log times.
+    """
+
+    topics: dict[str, tuple[str, str, str, bytes]]
+    messages: tuple[Message, ...]
+
+
+def contents_of(source: Path) -> Contents:
+    """Read a recording."""
+    topics: dict[str, tuple[str, str, str, bytes]] = {}
+    messages: list[Message] = []
+    with source.open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages():
+            assert schema is not None
+            topics[channel.topic] = (
+                channel.message_encoding, schema.name, schema.encoding, schema.data,
+            )  # fmt: skip
+            messages.append(Message(channel.topic, message.log_time, message.data))
+    return Contents(topics, tuple(messages))
+
+
+def rewrite(source: Path | Contents, out: Path, edit: Edit) -> Path:
     """Copy a recording message by message through an edit, in order of the new log times."""
-    with source.open("rb") as stream, out.open("wb") as target:
-        reader = make_reader(stream)
+    contents = source if isinstance(source, Contents) else contents_of(source)
+    messages = [new for message in contents.messages for new in edit(message)]
+    with out.open("wb") as target:
         writer = Writer(target, compression=CompressionType.NONE, chunk_size=4 << 20)
         writer.start(profile="ros2", library="recording_faults")
         channels: dict[str, int] = {}
-        messages: list[Message] = []
-        for schema, channel, message in reader.iter_messages():
-            if channel.topic not in channels:
-                known = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.topic] = writer.register_channel(
-                    channel.topic, channel.message_encoding, known
-                )
-            messages += edit(Message(channel.topic, message.log_time, message.data))
+        for topic, (encoding, name, schema_encoding, schema) in contents.topics.items():
+            known = writer.register_schema(name, schema_encoding, schema)
+            channels[topic] = writer.register_channel(topic, encoding, known)
         for number, message in enumerate(sorted(messages, key=lambda message: message.log_ns)):
             writer.add_message(
                 channels[message.topic], message.log_ns, message.data, message.log_ns, number

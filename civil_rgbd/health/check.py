@@ -25,9 +25,9 @@ from civil_rgbd.health.mounting import turn_of_mounting
 from civil_rgbd.health.pictures import look_at_pictures, picture_figures
 from civil_rgbd.health.rates import drift_figure as clock_figure
 from civil_rgbd.health.rates import rate_figures, timing_figures
-from civil_rgbd.health.sampling import Stretch, stretches_of
+from civil_rgbd.health.sampling import Stretch, stretch_starts, stretches_of
 from civil_rgbd.health.steadiness import drift_figure, jump_figures
-from civil_rgbd.health.tracks import pairs_of, tracks_of
+from civil_rgbd.health.tracks import Pair, pairs_of, tracks_of
 from civil_rgbd.health.turning import TimeOffset, time_offset
 from civil_rgbd.health.views import Views, viewer_of
 
@@ -64,14 +64,43 @@ def check_recording(given: CheckInput, recipe: Recipe) -> tuple[Figure, ...]:
     # A recording that can be sent to a worker opens its files there anew: so does a copy of it,
     # which may then be read beside the first. Decoding and numpy let go of the interpreter.
     other = replace(given, recording=pickle.loads(pickle.dumps(given.recording)))  # noqa: S301  # our own
-    with ThreadPoolExecutor(1) as second:
-        beside = second.submit(lambda: [*_pictures(other), *_coverage(other, recipe)])
-        stretches = tuple(stretches_of(given.recording)) if given.posed else ()
-        drift = second.submit(_drift, given, stretches)
-        figures = [*_rates(given), *_poses(given), *_mounting(given, stretches)]
+    with ThreadPoolExecutor(1) as thread:
+        second = _Second(thread, other)
+        stretches = _stretches(given, second) if given.posed else ()
+        pairs, views = _pairs(given, second, stretches)
+        beside = thread.submit(lambda: [*_pictures(other), *_coverage(other, recipe)])
+        drift = thread.submit(_drift, given, stretches)
+        figures = [*_rates(given), *_poses(given), *_mounting(given, stretches, pairs, views)]
         figures += [*beside.result(), drift.result()]
     place = {code: number for number, code in enumerate(CHECKS)}
     return tuple(sorted(figures, key=lambda figure: place[figure.code]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Second:
+    """Another thread, and a copy of the recording that is its own."""
+
+    thread: ThreadPoolExecutor
+    given: CheckInput
+
+
+def _stretches(given: CheckInput, second: _Second) -> tuple[Stretch, ...]:
+    """Read every other stretch in the second thread."""
+    starts = stretch_starts(given.recording)
+    there = second.thread.submit(lambda: [*stretches_of(second.given.recording, starts[1::2])])
+    here = [*stretches_of(given.recording, starts[::2])]
+    return tuple(sorted((*here, *there.result()), key=lambda stretch: stretch.start_ns))
+
+
+def _pairs(
+    given: CheckInput, second: _Second, stretches: tuple[Stretch, ...]
+) -> tuple[tuple[Pair, ...], Views]:
+    """Follow the features of every other stretch in the second thread."""
+    views, other = Views(given.recording), second.given.recording
+    there = second.thread.submit(pairs_of, other, stretches[1::2], views.through(other))
+    here = pairs_of(given.recording, stretches[::2], views)
+    every = sorted((*here, *there.result()), key=lambda pair: pair.stretch.start_ns)
+    return tuple(every), views
 
 
 def _rates(given: CheckInput) -> Iterator[Figure]:
@@ -107,16 +136,16 @@ def _drift(given: CheckInput, stretches: tuple[Stretch, ...]) -> Figure:
     return drift_figure(stretches) if given.posed else Figure("pose-drift", None, _NO_POSES)
 
 
-def _mounting(given: CheckInput, stretches: tuple[Stretch, ...]) -> Iterator[Figure]:
+def _mounting(
+    given: CheckInput, stretches: tuple[Stretch, ...], pairs: tuple[Pair, ...], views: Views
+) -> Iterator[Figure]:
     recording = given.recording
     if not given.posed:
         yield Figure("time-offset", None, _NO_POSES)
         yield Figure("extrinsics", None, _NO_POSES)
         yield _inverted(recording)
         return
-    views = Views(recording)
-    pairs = pairs_of(recording, stretches, views)
-    offset = time_offset(recording, tracks_of(recording, stretches, pairs))
+    offset = time_offset(recording, tracks_of(recording, pairs))
     yield _offset_figure(recording, offset)
     if offset.offset_s is None:
         # Unless it turns, an image's instant and the camera's turn cannot be told apart.
@@ -124,7 +153,7 @@ def _mounting(given: CheckInput, stretches: tuple[Stretch, ...]) -> Iterator[Fig
         yield _inverted(recording)
         return
     edges = depth_edges(recording, stretches, views, offset.offset_s)
-    expected = turn_of_mounting(recording, stretches, pairs, offset.offset_s)
+    expected = turn_of_mounting(recording, pairs, offset.offset_s)
     alignment = align(edges, expected)
     yield _extrinsics_figure(recording, alignment)
     yield Figure("rig-inverted", 0.0) if alignment.turn_deg else _inverted(recording)

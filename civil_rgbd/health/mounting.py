@@ -18,7 +18,7 @@ from civil_rgbd.health.rotations import (
     turned,
     turns_at,
 )
-from civil_rgbd.health.sampling import Posed, Stretch, Supposed
+from civil_rgbd.health.sampling import Posed, Supposed
 from civil_rgbd.health.tracks import Pair, Track, tracks_of
 
 Floats = NDArray[np.float64]
@@ -28,13 +28,12 @@ _ROUNDS: Final = 8
 
 
 def turn_of_mounting(
-    recording: Posed, stretches: Sequence[Stretch], pairs: Sequence[Pair], shift_s: float
+    recording: Posed, pairs: Sequence[Pair], shift_s: float
 ) -> tuple[Floats, Floats]:
     """Say how the camera is turned, from how images and poses turn: about axes across the turning.
 
     Args:
         recording: with poses.
-        stretches: of it.
         pairs: features followed, from :func:`civil_rgbd.health.tracks.pairs_of`.
         shift_s: to be added to the images' stamps beyond what the rig says.
 
@@ -53,7 +52,7 @@ def turn_of_mounting(
             recording.trajectory,
             recording.image_stamps_ns,
         )
-        turn, sigma = _turn_once(supposed, tracks_of(supposed, stretches, pairs))
+        turn, sigma = _turn_once(supposed, tracks_of(supposed, pairs))
         matrix, _ = cv2.Rodrigues(turn)
         whole = whole @ np.asarray(matrix, dtype=np.float64)
     return rotation_vector(whole), sigma

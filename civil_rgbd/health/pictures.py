@@ -15,9 +15,9 @@ from civil_rgbd.domain.recording import Recording
 from civil_rgbd.health.checks import Figure
 from civil_rgbd.health.views import Viewer, small_grey
 
-_LOOKED_AT: Final = 80
+_LOOKED_AT: Final = 60
 _START_S: Final = 4.0
-_START_STEP_NS: Final = 90_000_000
+_START_STEP_NS: Final = 130_000_000
 _SETTLED_S: Final = (2.5, 5.0)
 _WHITE: Final = 250
 _MOST_WHITE: Final = 0.35  # skies of a bridge site are white, and a third of the image at most

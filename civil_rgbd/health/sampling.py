@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -80,24 +80,31 @@ def image_stamps(recording: Posed) -> NDArray[np.int64]:
     return recording.image_stamps_ns + recording.rig.camera_time_offset_ns
 
 
-def stretches_of(recording: Recording) -> Iterator[Stretch]:
-    """Choose stretches evenly over the recording, and read the points around each.
-
-    Args:
-        recording: with poses.
-
-    Yields:
-        in time order; stretches without images or without points are left out.
-    """
+def stretch_starts(recording: Recording) -> tuple[int, ...]:
+    """Choose where stretches begin, evenly over a recording with poses: ns, LiDAR clock."""
     stamps_ns = image_stamps(recording)
     trajectory = recording.trajectory
     first = max(int(stamps_ns.min()), trajectory.start_ns)
     last = min(int(stamps_ns.max()), trajectory.end_ns)
     if last <= first:
-        return
+        return ()
     count = int(np.clip((last - first) // _APART_NS, _FEWEST, _MOST))
     room_ns = max(last - first - STRETCH_NS, 0)
-    for start in np.linspace(first, first + room_ns, count).astype(np.int64).tolist():
+    return tuple(np.linspace(first, first + room_ns, count).astype(np.int64).tolist())
+
+
+def stretches_of(recording: Recording, starts: Iterable[int] | None = None) -> Iterator[Stretch]:
+    """Read the points around each stretch, and choose its images.
+
+    Args:
+        recording: with poses.
+        starts: of the stretches; by default all of :func:`stretch_starts`.
+
+    Yields:
+        in their order; stretches without images or without points are left out.
+    """
+    stamps_ns = image_stamps(recording)
+    for start in stretch_starts(recording) if starts is None else starts:
         images = _images_in(stamps_ns, start)
         parts = list(_points_around(recording, start))
         if images and parts:

@@ -52,13 +52,13 @@ class Pair:
     """Features followed from one image to the next, as pixels.
 
     Attributes:
-        stretch: which one, by its place.
+        stretch: that they belong to.
         images: indices of both.
         pixels: (2, F, 2) column and row, in the earlier image and in the later one.
         camera: whose pixels they are.
     """
 
-    stretch: int
+    stretch: Stretch
     images: tuple[int, int]
     pixels: Floats
     camera: PinholeCamera
@@ -68,7 +68,7 @@ def pairs_of(recording: Posed, stretches: Sequence[Stretch], views: Views) -> tu
     """Follow features through the images of each stretch."""
     stamps_ns = image_stamps(recording)
     found: list[Pair] = []
-    for number, stretch in enumerate(stretches):
+    for stretch in stretches:
         before: int | None = None
         for index in stretch.images:
             grey = views.at(index)
@@ -79,26 +79,23 @@ def pairs_of(recording: Posed, stretches: Sequence[Stretch], views: Views) -> tu
                 near = 0 < stamps_ns[index] - stamps_ns[before] < _LONGEST_NS
                 pixels = _followed(earlier, grey, views) if near else None
                 if pixels is not None:
-                    found.append(Pair(number, (before, index), pixels, views.camera))
+                    found.append(Pair(stretch, (before, index), pixels, views.camera))
             before = index
     return tuple(found)
 
 
-def tracks_of(
-    recording: Posed, stretches: Sequence[Stretch], pairs: Sequence[Pair]
-) -> tuple[Track, ...]:
+def tracks_of(recording: Posed, pairs: Sequence[Pair]) -> tuple[Track, ...]:
     """Give the features depths, from where the rig says that the camera was.
 
     Args:
         recording: with poses.
-        stretches: of it.
         pairs: from :func:`pairs_of`.
     """
     stamps_ns, tracks = image_stamps(recording), []
     for pair in pairs:
         from_ns, to_ns = (int(stamps_ns[index]) for index in pair.images)
         T_map_camera = camera_poses(recording, np.array([from_ns]))[0]
-        points_map = stretches[pair.stretch].points_map[::_EVERY]
+        points_map = pair.stretch.points_map[::_EVERY]
         depths = _depths(points_map, inverse(T_map_camera), pair.camera, pair.pixels[0])
         rays, seen = (_rays(pixels, pair.camera) for pixels in pair.pixels)
         tracks.append(Track(from_ns, to_ns, rays, seen, depths))

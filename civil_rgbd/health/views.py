@@ -89,6 +89,12 @@ class Views:
         self._recording = recording
         self._seen: dict[int, NDArray[np.uint8] | None] = {}
 
+    def through(self, recording: Recording) -> Views:
+        """Return views of a copy of the recording, read beside it; what is seen is shared."""
+        other = Views(recording)
+        other._seen = self._seen
+        return other
+
     def at(self, index: int) -> NDArray[np.uint8] | None:
         """Return one image, (H, W) uint8, grey; None where it cannot be decoded."""
         if index not in self._seen:

@@ -13,7 +13,7 @@ from civil_rgbd.domain.recording import Recording
 from civil_rgbd.domain.rig import Rig
 from civil_rgbd.geometry.trajectory import Trajectory
 from civil_rgbd.health.rotations import rotation_vector
-from civil_rgbd.health.sampling import Stretch, stretches_of
+from civil_rgbd.health.sampling import stretches_of
 from civil_rgbd.health.tracks import Pair, pairs_of, tracks_of
 from civil_rgbd.health.turning import time_offset
 from civil_rgbd.health.views import Views, small_grey
@@ -32,46 +32,46 @@ class Changed:
 
 
 @pytest.fixture(scope="module")
-def walk(turning_walk: Path) -> tuple[Recording, tuple[Stretch, ...], tuple[Pair, ...]]:
-    """The walk, its stretches, and features followed in it."""
+def walk(turning_walk: Path) -> tuple[Recording, tuple[Pair, ...]]:
+    """The walk, and features followed in it."""
     recording = open_recording(turning_walk)
     stretches = tuple(stretches_of(recording))
-    return recording, stretches, pairs_of(recording, stretches, Views(recording))
+    return recording, pairs_of(recording, stretches, Views(recording))
 
 
 @pytest.mark.parametrize("offset_s", [0.0, 0.03, -0.1, 0.1])
 def test_the_shift_of_stamps_is_found_with_its_sign(
-    walk: tuple[Recording, tuple[Stretch, ...], tuple[Pair, ...]], offset_s: float
+    walk: tuple[Recording, tuple[Pair, ...]], offset_s: float
 ) -> None:
-    recording, stretches, pairs = walk
+    recording, pairs = walk
     rig = replace(recording.rig, camera_time_offset_s=-offset_s)
     early = Changed(recording, rig, recording.trajectory)
 
-    found = time_offset(early, tracks_of(early, stretches, pairs))
+    found = time_offset(early, tracks_of(early, pairs))
 
     assert found.offset_s == pytest.approx(offset_s, abs=0.005)
     assert found.sigma_s < 0.004
 
 
 def test_without_turning_there_is_no_number_but_a_reason(
-    walk: tuple[Recording, tuple[Stretch, ...], tuple[Pair, ...]],
+    walk: tuple[Recording, tuple[Pair, ...]],
 ) -> None:
-    recording, stretches, pairs = walk
+    recording, pairs = walk
     poses = recording.trajectory
     upright = np.tile([0.0, 0.0, 0.0, 1.0], (len(poses.stamps_ns), 1))
     still = Trajectory(poses.stamps_ns, poses.translations_m, upright)
     changed = Changed(recording, recording.rig, still)
 
-    found = time_offset(changed, tracks_of(changed, stretches, pairs))
+    found = time_offset(changed, tracks_of(changed, pairs))
 
     assert found.offset_s is None
     assert "0.00 rad/s RMS; 0.2 with changing sign are needed" in found.why_not
 
 
 def test_turning_one_way_only_is_not_enough(
-    walk: tuple[Recording, tuple[Stretch, ...], tuple[Pair, ...]],
+    walk: tuple[Recording, tuple[Pair, ...]],
 ) -> None:
-    recording, stretches, pairs = walk
+    recording, pairs = walk
     poses = recording.trajectory
     half = 0.4 * (poses.stamps_ns - poses.start_ns) / 2e9
     zero = np.zeros(len(half))
@@ -80,23 +80,23 @@ def test_turning_one_way_only_is_not_enough(
         recording, recording.rig, Trajectory(poses.stamps_ns, poses.translations_m, turns)
     )
 
-    found = time_offset(one_way, tracks_of(one_way, stretches, pairs))
+    found = time_offset(one_way, tracks_of(one_way, pairs))
 
     assert found.offset_s is None
     assert found.why_not == "the sensors turn one way only; a turn with changing sign is needed"
 
 
 def test_poses_of_another_walk_give_no_number(
-    walk: tuple[Recording, tuple[Stretch, ...], tuple[Pair, ...]],
+    walk: tuple[Recording, tuple[Pair, ...]],
 ) -> None:
-    recording, stretches, pairs = walk
+    recording, pairs = walk
     poses = recording.trajectory
     other = Trajectory(
         poses.stamps_ns, poses.translations_m[::-1].copy(), poses.quaternions_xyzw[::-1].copy()
     )
     changed = Changed(recording, recording.rig, other)
 
-    found = time_offset(changed, tracks_of(changed, stretches, pairs))
+    found = time_offset(changed, tracks_of(changed, pairs))
 
     assert found.offset_s is None
     assert found.why_not
