@@ -116,16 +116,19 @@ class BridgeBuild:
     @property
     def frames_made(self) -> int:
         """How many of them are made."""
-        first, stop = self.part
-        wanted = {frame.source_index for frame in self.job.frames[first:stop]}
-        return sum(frame.source_index in wanted for r in self.records for frame in r.frames)
+        wanted = self.job.frames.source_indices[slice(*self.part)].tolist()
+        if not wanted:
+            return 0
+        first, last = wanted[0], wanted[-1]  # records hold frames of the plan only, as this does
+        return sum(first <= frame.source_index <= last for r in self.records for frame in r.frames)
 
     def chunks(self, *, workers: int) -> list[Chunk]:
         """Cut what is still to be made."""
         if self.whole:
             return []
         done = {frame.source_index for record in self.records for frame in record.frames}
-        todo = [i for i in range(*self.part) if self.job.frames[i].source_index not in done]
+        planned = self.job.frames.source_indices.tolist()
+        todo = [i for i in range(*self.part) if planned[i] not in done]
         return chunks_of(todo, workers=workers)
 
     def finish(self) -> BuildReport | ShareReport:
@@ -269,7 +272,7 @@ def _take(build: BridgeBuild, check: Callable[[], None]) -> None:
 def _find(build: BridgeBuild) -> None:
     """Look up what an earlier build, or another part of this one, has made already."""
     first, stop = build.part
-    wanted = [frame.source_index for frame in build.job.frames[first:stop]]
+    wanted = build.job.frames.source_indices[first:stop].tolist()
     if wanted:
         share = build.manner.share
         within = None if share is None else (wanted[0], wanted[-1])

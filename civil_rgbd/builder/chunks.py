@@ -8,14 +8,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from civil_rgbd.builder.originals import Fingerprint
-from civil_rgbd.builder.plan import Chunk
+from civil_rgbd.builder.plan import Chunk, PlannedFrames
 from civil_rgbd.builder.proof import files_unlike
 from civil_rgbd.domain.frame import FrameRow
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.format.atomic import sync_files, whole_file
 from civil_rgbd.format.writer import row_paths, write_frame
-from civil_rgbd.pipeline.frames import FrameMaker, FrameOutcome, PlannedFrame
+from civil_rgbd.pipeline.frames import FrameMaker, FrameOutcome
 from civil_rgbd.pipeline.prepare import PointCounts
 from civil_rgbd.storage.client import Version
 from civil_rgbd.storage.noted_path import noted
@@ -44,7 +44,7 @@ class Job:
 
     recording: Recording
     recipe: Recipe
-    frames: tuple[PlannedFrame, ...]
+    frames: PlannedFrames
     partial: Place
     durable: bool = False
     files: tuple[Fingerprint, ...] = ()

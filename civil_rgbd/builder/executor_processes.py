@@ -6,7 +6,9 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import tempfile
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,6 +16,8 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for_handle
 from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Final
 
 from civil_rgbd.builder.chunks import Job, run_chunk
 from civil_rgbd.builder.executors import (
@@ -22,12 +26,16 @@ from civil_rgbd.builder.executors import (
     LastMaker,
     Lost,
     OnFrames,
-    PackedJobs,
     Raised,
     Task,
     raised,
     use_one_thread,
 )
+from civil_rgbd.builder.job_files import JobFiles, write_jobs
+from civil_rgbd.format.atomic import writing
+
+_TELL_EVERY_S: Final = 0.2
+"""Whoever looks at progress sees no more; each message wakes the parent, and costs a worker."""
 
 
 @dataclass(slots=True, eq=False)
@@ -44,7 +52,9 @@ class ProcessExecutor:
 
     def __init__(self, jobs: Sequence[Job], on_frames: OnFrames, *, workers: int) -> None:
         self.slots = workers
-        self._jobs = PackedJobs(jobs)
+        with writing(tempfile.gettempdir()):
+            folder = Path(tempfile.mkdtemp(prefix="civil_rgbd_"))
+        self._jobs = write_jobs(jobs, folder)
         self._on_frames = on_frames
         self._workers: list[_Worker] = []
 
@@ -80,6 +90,7 @@ class ProcessExecutor:
             worker.process.kill()
         for worker in list(self._workers):
             self._bury(worker)
+        self._jobs.remove()
 
     def _hear(self, worker: _Worker) -> Event | None:
         """Take one message of a worker, or notice that it is dead; None for frames."""
@@ -111,7 +122,7 @@ class ProcessExecutor:
         return f"its worker was killed by {name}"
 
 
-def _start_worker(jobs: PackedJobs) -> _Worker:
+def _start_worker(jobs: JobFiles) -> _Worker:
     # Spawn: a fork copies locks that other threads of the parent may hold.
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
@@ -137,10 +148,10 @@ def without_interrupts() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _work(pipe: Connection, jobs: PackedJobs) -> None:
+def _work(pipe: Connection, jobs: JobFiles) -> None:
     """Make chunks until the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_die_with_parent, daemon=True).start()
+    threading.Thread(target=_die_with_parent, args=(jobs,), daemon=True).start()
     use_one_thread()
     makers = LastMaker()
     with contextlib.suppress(EOFError, OSError):
@@ -148,17 +159,32 @@ def _work(pipe: Connection, jobs: PackedJobs) -> None:
             pipe.send(_make(pipe, jobs, makers, pipe.recv()))
 
 
-def _make(pipe: Connection, jobs: PackedJobs, makers: LastMaker, task: Task) -> Event:
+def _make(pipe: Connection, jobs: JobFiles, makers: LastMaker, task: Task) -> Event:
     try:
         job = jobs[task.job]
-        record = run_chunk(job, task.chunk, makers.of(job), on_frame=lambda: pipe.send(1))
+        record = run_chunk(job, task.chunk, makers.of(job), on_frame=_Teller(pipe).frame)
     except Exception as error:  # noqa: BLE001  # whatever it is, other chunks go on
         return raised(task, error)
     return Finished(task, record)
 
 
-def _die_with_parent() -> None:
+class _Teller:
+    """Tells the parent of frames, some at a time; of the last ones the chunk's end does."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe, self._untold, self._told_s = pipe, 0, time.monotonic()
+
+    def frame(self) -> None:
+        """Count one, and tell if it is time."""
+        self._untold += 1
+        if time.monotonic() - self._told_s >= _TELL_EVERY_S:
+            self._pipe.send(self._untold)
+            self._untold, self._told_s = 0, time.monotonic()
+
+
+def _die_with_parent(jobs: JobFiles) -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         wait_for_handle([parent.sentinel])
+        jobs.remove()  # the parent cannot any more
         os._exit(1)  # the build was killed: nobody wants what this worker is making

@@ -61,7 +61,7 @@ def facts_of(wanted: Manifest, plan: Plan, recording: Recording, images: ImageMa
         camera=images.camera,
         images_seen=plan.images_seen,
         images_dropped=plan.dropped,
-        planned=tuple(frame.source_index for frame in plan.frames),
+        planned=tuple(plan.frames.source_indices.tolist()),
         scans_seen=len(recording.scan_stamps_ns),
         skipped=recording.notes.counts,
         pixels_without_source=images.missing_pixels,

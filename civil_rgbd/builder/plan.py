@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,46 @@ CHUNK_FRAMES = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PlannedFrames(Sequence[PlannedFrame]):
+    """Planned images, ascending, in arrays: those of hours take little, a run of them nothing.
+
+    Attributes:
+        source_indices: (F,) int64, places in the recording.
+        stamps_ns: (F,) int64, corrected stamps, LiDAR clock.
+        source_stamps_ns: (F,) int64, original stamps, camera clock.
+        T_map_camera: (F, 4, 4) float64.
+    """
+
+    source_indices: NDArray[np.int64]
+    stamps_ns: NDArray[np.int64]
+    source_stamps_ns: NDArray[np.int64]
+    T_map_camera: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.source_indices)
+
+    @overload
+    def __getitem__(self, place: int) -> PlannedFrame: ...
+    @overload
+    def __getitem__(self, place: slice) -> PlannedFrames: ...
+    def __getitem__(self, place: int | slice) -> PlannedFrame | PlannedFrames:
+        """Return one frame, or a view of a run of them."""
+        if isinstance(place, slice):
+            return PlannedFrames(
+                self.source_indices[place],
+                self.stamps_ns[place],
+                self.source_stamps_ns[place],
+                self.T_map_camera[place],
+            )
+        return PlannedFrame(
+            source_index=int(self.source_indices[place]),
+            stamp_ns=int(self.stamps_ns[place]),
+            source_stamp_ns=int(self.source_stamps_ns[place]),
+            T_map_camera=self.T_map_camera[place],
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Plan:
     """Which images become frames.
 
@@ -30,7 +71,7 @@ class Plan:
         dropped: images that did not pass, by reason.
     """
 
-    frames: tuple[PlannedFrame, ...]
+    frames: PlannedFrames
     images_seen: int
     dropped: dict[str, int]
 
@@ -72,14 +113,12 @@ def plan_frames(recording: Recording, recipe: Recipe) -> Plan:
     kept = far_enough(T_map_camera[:, :3, 3], min_displacement_m=recipe.select.min_displacement_m)
     if len(kept) < len(posed):
         dropped["image-too-near-previous"] = len(posed) - len(kept)
-    frames = tuple(
-        PlannedFrame(
-            source_index=int(posed[k]),
-            stamp_ns=int(stamps_ns[posed[k]]),
-            source_stamp_ns=int(recording.image_stamps_ns[posed[k]]),
-            T_map_camera=T_map_camera[k],
-        )
-        for k in kept
+    chosen = posed[kept]
+    frames = PlannedFrames(
+        source_indices=chosen.astype(np.int64),
+        stamps_ns=stamps_ns[chosen],
+        source_stamps_ns=recording.image_stamps_ns[chosen],
+        T_map_camera=T_map_camera[kept],
     )
     return Plan(frames=frames, images_seen=len(stamps_ns), dropped=dropped)
 
