@@ -21,12 +21,21 @@ def whole_object(path: RemotePath) -> Iterator[Path]:
     """Give a scratch file on this machine; it becomes the object only if the block succeeds.
 
     Raises:
+        OutputError: the scratch file cannot be written.
         StorageError: the storage cannot be reached, or refuses.
     """
-    with tempfile.TemporaryDirectory(prefix="civil_rgbd_") as folder:
-        scratch = Path(folder) / path.name
-        yield scratch
-        path.write_bytes(scratch.read_bytes())
+    try:
+        with tempfile.TemporaryDirectory(prefix="civil_rgbd_") as folder:
+            scratch = Path(folder) / path.name
+            yield scratch
+            data = scratch.read_bytes()
+    except OSError as error:
+        raise OutputError(
+            f"cannot write a file on its way to {path}: {error.strerror or error}",
+            where=tempfile.tempdir or "TMPDIR",
+            fix="free some space there, or set TMPDIR to another folder of this machine",
+        ) from error
+    path.write_bytes(data)
 
 
 def publish_objects(

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import random
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -25,6 +28,7 @@ from civil_rgbd.converters import open_recording
 from civil_rgbd.domain.bridge import BridgeInfo
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.errors import BuildError, OutputError, StorageError
+from civil_rgbd.format.atomic import whole_file
 from civil_rgbd.format.reader import read_bridge
 from civil_rgbd.simulator.recorder import write_recording
 from civil_rgbd.simulator.spec import ScanSpec
@@ -259,6 +263,23 @@ def test_a_bucket_that_is_not_there_stops_a_build_before_it_begins(
     recording = open_recording(source.url)
     with pytest.raises(StorageError, match="no such bucket"):
         build_bridge(recording, recipe, RemotePath("s3://no-such/sets"), INFO, BuildOptions())
+
+
+def test_a_full_temporary_folder_is_named_and_leaves_nothing(
+    bucket: RemotePath, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    with (
+        pytest.raises(OutputError, match=r"way to s3://.*/x\.json: No space left") as caught,
+        whole_file(bucket / "x.json"),
+    ):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    assert caught.value.where == str(tmp_path)
+    assert "TMPDIR" in caught.value.fix
+    assert files_below(bucket) == {}
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.fixture
