@@ -107,16 +107,26 @@ def _report(manifest: Manifest, folder: Place, seconds: float) -> BuildReport:
 
 def _refuse_missing(partial: Place, facts: Facts, missing: Sequence[int]) -> None:
     parts = _missing_parts(partial, facts, missing)
-    frames = ", ".join(_runs(missing, facts.planned)[:_SHOWN])
-    named = f"parts {', '.join(parts[:_SHOWN])} are missing: " if parts else ""
+    frames = _some(_runs(missing, facts.planned))
+    named = f"parts {_some(parts)} are missing or damaged: " if parts else ""
     raise BridgeFailedError(
-        f"{named}{len(missing)} of {len(facts.planned)} frames are not made: {frames}",
+        f"{named}{len(missing)} of {len(facts.planned)} frames are not whole: {frames}",
         where=partial,
         fix="run these parts again, each with the command that it had: "
-        + " ".join(f"--chunk {part}" for part in parts[:_SHOWN])
+        + _some([f"--chunk {part}" for part in parts], joint=" ")
         if parts
         else "run the build again: it makes what is missing",
     )
+
+
+def _some(words: Sequence[str], *, joint: str = ", ") -> str:
+    """Join the first of many words, and say how many more there are.
+
+    >>> _some(["a", "b"]), _some(["a"] * 22)[-16:]
+    ('a, b', 'a, a, and 2 more')
+    """
+    more = len(words) - _SHOWN
+    return joint.join([*words[:_SHOWN], *([f"and {more} more"] if more > 0 else [])])
 
 
 def _missing_parts(partial: Place, facts: Facts, missing: Sequence[int]) -> list[str]:

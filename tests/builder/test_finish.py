@@ -62,7 +62,7 @@ def test_missing_parts_are_named_and_nothing_appears(
 
     (outcome,) = finish_bridges(tmp_path).outcomes
 
-    assert "parts 2/4, 4/4 are missing: 12 of 23 frames are not made: 000010 to" in str(
+    assert "parts 2/4, 4/4 are missing or damaged: 12 of 23 frames are not whole: 000010 to" in str(
         outcome.error
     )
     assert "--chunk 2/4 --chunk 4/4" in str(outcome.error)
@@ -81,7 +81,7 @@ def test_a_part_whose_file_was_damaged_since_is_missing(
 
     (outcome,) = finish_bridges(tmp_path, ["B9"]).outcomes
 
-    assert "parts 2/2 are missing" in str(outcome.error)
+    assert "parts 2/2 are missing or damaged" in str(outcome.error)
 
 
 def test_a_part_that_runs_twice_finds_its_frames(

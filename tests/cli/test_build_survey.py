@@ -177,7 +177,7 @@ def test_parts_of_a_survey_are_joined(
     assert [main([*part, f"{number}/3"]) for number in (1, 3)] == [0, 0]
     assert "part 3/3: " in capsys.readouterr().out
     assert main(["finish", str(tmp_path)]) == 1
-    assert "parts 2/3 are missing" in capsys.readouterr().out
+    assert "parts 2/3 are missing or damaged" in capsys.readouterr().out
 
     assert main([*part, "2/3"]) == 0
     assert main(["finish", str(tmp_path), "--bridge", "north"]) == 0
