@@ -37,7 +37,9 @@ def files_unlike(
         return {path for path, sha256 in hashes.items() if not _is(folder / path, sha256)}
     there = folder.versions_below() if hashes else {}
     unlike = {path for path in hashes if path not in there}
-    unsure = [path for path in hashes.keys() - unlike if not _proves(versions, there, path)]
+    unsure = [
+        path for path in hashes.keys() - unlike if not _proves(versions.get(path), there[path])
+    ]
     each_at_once(_look(folder / path, hashes[path], path, unlike) for path in sorted(unsure))
     return unlike
 
@@ -59,9 +61,18 @@ def _is(path: Path, sha256: str) -> bool:
         return False
 
 
-def _proves(versions: Mapping[str, Version], there: Mapping[str, Version], path: str) -> bool:
-    """Tell whether an object is the upload that its receipt speaks of; without ETag none is."""
-    return path in versions and versions[path] == there[path] and bool(there[path][1])
+def _proves(receipt: Version | None, there: Version) -> bool:
+    """Tell whether an object is the upload that its receipt speaks of; without ETag none is.
+
+    >>> _proves((3, '"ab"'), (3, "ab")), _proves((3, "ab"), (4, "ab")), _proves((3, "b"), (3, "ab"))
+    (True, False, False)
+    >>> _proves((3, None), (3, None)), _proves(None, (3, "ab"))
+    (False, False)
+    """
+    if receipt is None or not (receipt[1] and there[1]):
+        return False
+    # Some services quote ETags in one answer and not in another.
+    return receipt[0] == there[0] and receipt[1].strip('"') == there[1].strip('"')
 
 
 def _look(path: RemotePath, sha256: str, name: str, unlike: set[str]) -> Callable[[], None]:
