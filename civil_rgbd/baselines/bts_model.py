@@ -8,15 +8,13 @@ import torch
 from torch import Tensor
 from torch.nn import Parameter
 
+from civil_rgbd.baselines import imagenet
 from civil_rgbd.baselines.bts import KITTI_FOCAL_PX, SIDE_MULTIPLE, Bts
 from civil_rgbd.baselines.fitting import InputFit, Rest
 from civil_rgbd.baselines.torch_model import TorchDepthModel, as_unit_range, trainable
 
 MIN_DEPTH_M: Final = 1e-6
 """What the sigmoid's underflow becomes, so that its logarithm stays finite."""
-
-_IMAGENET_MEAN: Final = (0.485, 0.456, 0.406)
-_IMAGENET_DEVIATION: Final = (0.229, 0.224, 0.225)
 
 
 class BtsModel(TorchDepthModel):
@@ -69,7 +67,7 @@ class BtsModel(TorchDepthModel):
             focal_reference_px=focal_reference_px,
             norm_momentum=norm_momentum,
         )
-        for buffer, values in (("mean", _IMAGENET_MEAN), ("deviation", _IMAGENET_DEVIATION)):
+        for buffer, values in (("mean", imagenet.MEAN), ("deviation", imagenet.DEVIATION)):
             self.register_buffer(buffer, torch.tensor(values).view(3, 1, 1), persistent=False)
 
     def forward(self, rgb: Tensor, intrinsics: Tensor) -> Tensor:

@@ -18,6 +18,12 @@ from civil_rgbd.errors import DownloadError, FormatError, UsageError
 IMAGENET: Final = "imagenet"
 """Instead of a file: the weights that torchvision publishes."""
 
+MEAN: Final = (0.485, 0.456, 0.406)
+"""Of ImageNet's images, red first, in 0 to 1: what encoders trained on it expect taken off."""
+
+DEVIATION: Final = (0.229, 0.224, 0.225)
+"""The same of their standard deviation: what the rest is divided by."""
+
 _ADDRESS: Final = "https://download.pytorch.org/models/"
 _CLASSIFIERS: Final = ("classifier.", "fc.")
 _OLD_DENSENET: Final = re.compile(r"(denselayer\d+\.(?:norm|relu|conv))\.([12])\.")

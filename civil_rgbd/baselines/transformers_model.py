@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import Parameter, functional
 
+from civil_rgbd.baselines import imagenet
 from civil_rgbd.baselines.fitting import InputFit
 from civil_rgbd.baselines.hub import reaching, read_preprocessor, require_transformers
 from civil_rgbd.baselines.torch_model import TorchDepthModel, as_unit_range, trainable
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 MIN_DEPTH_M: Final = 1e-3
 """The least depth that is answered: some heads give 0."""
 
-_IMAGENET: Final = ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 _AS_IT_IS: Final = ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 _HALVES: Final = ((0.5, 0.5, 0.5), (0.5, 0.5, 0.5))
 _CUBIC: Final = 3  # PIL's number for bicubic, which the files use
@@ -231,7 +231,7 @@ def _refuse_relative(settings: PreTrainedConfig, metric: bool | None, *, where: 
 def _preparation(settings: PreTrainedConfig, said: dict[str, Any]) -> Preparation:
     """What the model's own file says, and where it says nothing, what models of its kind do."""
     patch = int(getattr(settings, "patch_size", None) or 1)
-    mean, deviation = _IMAGENET
+    mean, deviation = imagenet.MEAN, imagenet.DEVIATION
     height = width = None
     keep_aspect, multiple, cubic = False, 1, True
     match settings.model_type:
