@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from civil_rgbd.resources import cache_folder
@@ -36,11 +37,14 @@ def cached_demo_recording(
 
 
 def _simulator_sha256() -> str:
+    return hashlib.sha256(b"".join(source.read_bytes() for source in _sources())).hexdigest()
+
+
+def _sources() -> list[Traversable]:
     rooms = (resources.files(__package__), resources.files(__package__) / "sites")
-    sources = [
+    return [
         entry
         for room in rooms
         for entry in sorted(room.iterdir(), key=lambda entry: entry.name)
         if entry.name.endswith(".py")
     ]
-    return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()

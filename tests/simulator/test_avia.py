@@ -37,9 +37,9 @@ def _instants_ns(seconds: float, start_s: float = 0.0) -> np.ndarray:
     return int(start_s * 1e9) + np.arange(round(seconds * 40_000), dtype=np.int64) * 25_000
 
 
-def _cells(angles_rad: np.ndarray) -> set[tuple[int, int]]:
-    cells = np.unique(np.floor(np.degrees(angles_rad) / CELL_DEG).astype(int), axis=0)
-    return {(int(a), int(b)) for a, b in cells}
+def _cells(angles_rad: np.ndarray) -> set[int]:
+    column, row = np.floor(np.degrees(angles_rad) / CELL_DEG).astype(int).T
+    return set(np.unique(column * 10_000 + row).tolist())
 
 
 def _share(angles_rad: np.ndarray) -> float:

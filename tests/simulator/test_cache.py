@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from civil_rgbd.simulator.cache import cache_folder, cached_demo_recording
+import civil_rgbd.simulator
+from civil_rgbd.simulator.cache import _sources, cache_folder, cached_demo_recording
 from civil_rgbd.simulator.spec import ScanSpec
 
 TINY = ScanSpec(seconds=0.3, image_scale=0.05, point_rate_hz=600)
@@ -32,6 +33,13 @@ def test_another_spec_gets_another_place(tmp_path: Path, monkeypatch: pytest.Mon
     other = ScanSpec(seconds=0.3, image_scale=0.05, point_rate_hz=600, seed=1)
 
     assert cached_demo_recording(TINY) != cached_demo_recording(other)
+
+
+def test_every_module_of_the_simulator_counts_for_the_place() -> None:
+    room = Path(civil_rgbd.simulator.__file__).parent
+
+    assert {source.name for source in _sources()} == {path.name for path in room.rglob("*.py")}
+    assert "box_girder.py" in {source.name for source in _sources()}
 
 
 @pytest.mark.parametrize(
