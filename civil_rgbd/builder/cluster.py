@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 import secrets
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -53,6 +53,7 @@ def connect(scheduler: str | None, *, workers: int, stack: ExitStack) -> Client:
                 )
             )
             return stack.enter_context(Client(cluster))
+    stack.enter_context(_without_traces())
     client = stack.enter_context(_client_of(scheduler))
     try:
         client.wait_for_workers(1, timeout=_FIRST_WORKER_S)
@@ -64,6 +65,18 @@ def connect(scheduler: str | None, *, workers: int, stack: ExitStack) -> Client:
             "cluster.scale(8); with cluster.adapt give minimum=1",
         ) from error
     return client
+
+
+@contextmanager
+def _without_traces() -> Iterator[None]:
+    """Keep Dask's client from printing traces of a lost connection: we say that it is lost."""
+    logger = logging.getLogger("distributed.client")
+    before = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
 
 
 def refuse_unreachable(scheduler: str) -> None:
