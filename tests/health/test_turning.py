@@ -123,3 +123,11 @@ def test_small_images_are_whole_ones_shrunk(turning_walk: Path) -> None:
     assert small is not None
     assert small.shape == (-(-whole.shape[0] // 2), -(-whole.shape[1] // 2))
     assert abs(float(small.mean()) - float(whole.mean())) < 4
+
+
+def test_views_beside_each_other_share_what_they_saw(turning_walk: Path) -> None:
+    views = Views(open_recording(turning_walk))
+    other = views.through(open_recording(turning_walk))
+
+    assert views.at(3) is other.at(3)
+    assert views.at(3) is not None
