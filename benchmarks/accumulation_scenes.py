@@ -55,6 +55,7 @@ class Effort:
         images: of one walk.
         places: where a still camera stands, of those images'.
         image_scale: stored size / raw size.
+        drifts: of the poses, keys of :data:`DRIFTS`.
     """
 
     bridges: tuple[str, ...] = BRIDGES
@@ -64,9 +65,10 @@ class Effort:
     images: int = 10
     places: int = 5
     image_scale: float = 0.6
+    drifts: tuple[str, ...] = tuple(DRIFTS)
 
 
-QUICK: Final = Effort(("B2",), (25_000, 100_000), 2, 2, images=1, places=1, image_scale=0.3)
+QUICK: Final = Effort(("B2",), (25_000, 100_000), 2, 2, 1, 1, 0.3, drifts=("none",))
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,7 @@ class Row:
 
 def scenes(effort: Effort) -> list[Scene]:
     """Return what is scanned: drift where nothing moves, traffic where nothing drifts."""
-    kinds = [("none", drift) for drift in DRIFTS] + [("moving", "none")]
+    kinds = [("none", drift) for drift in effort.drifts] + [("moving", "none")]
     return [
         Scene(bridge, motion, traffic, drift)
         for bridge, motion, (traffic, drift) in product(effort.bridges, ("walking", "still"), kinds)
