@@ -9,6 +9,7 @@ from typing import Final
 
 from civil_rgbd.builder.chunks import Job
 from civil_rgbd.builder.executors import Event, Executor, Finished, Lost, Raised, Task
+from civil_rgbd.builder.waiting import Waiting
 from civil_rgbd.errors import BridgeFailedError, CivilRgbdError, OutputError, StorageError
 
 MAX_ATTEMPTS: Final = 3
@@ -50,16 +51,14 @@ def run_tasks(
         every attempt's end; :class:`Failed` after the last one's. Nothing for tasks that nobody
         wanted any more.
     """
-    waiting, last, running = deque(tasks), deque[Task](), 0
+    queue = _Queue(tasks)
     causes: defaultdict[Task, list[str]] = defaultdict(list)
-    while waiting or last or running:
-        running += _start(executor, waiting, wanted, free=executor.slots - running)
-        if not running and last:
-            running += _start(executor, last, wanted, free=1)
-        if not running:
+    while queue:
+        queue.start(executor, wanted)
+        if not queue.running:
             continue  # nobody wants what is left
         for event in executor.wait():
-            running -= 1
+            queue.ended(event.task)
             yield event
             if isinstance(event, Finished):
                 continue
@@ -71,23 +70,59 @@ def run_tasks(
                 yield Failed(event.task, _given_up(event, causes[event.task], jobs))
             elif isinstance(event, Raised) and isinstance(event.error, StorageError):
                 # It takes half a minute to find storage out of reach: not each chunk shall.
-                waiting.appendleft(event.task)
+                queue.at_once.append(event.task)
+            elif len(causes[event.task]) == MAX_ATTEMPTS - 1:
+                queue.last.append(event.task)
             else:
-                again = last if len(causes[event.task]) == MAX_ATTEMPTS - 1 else waiting
-                again.append(event.task)
+                queue.again.append(event.task)
 
 
-def _start(
-    executor: Executor, queue: deque[Task], wanted: Callable[[Task], bool], *, free: int
-) -> int:
-    """Start tasks of a queue while places are free; return how many."""
-    started = 0
-    while queue and started < free:
-        task = queue.popleft()
+class _Queue:
+    """Tasks that wait for their first attempt or for another one, and tasks that run.
+
+    Attributes:
+        running: are being made.
+        at_once: to be tried again before any other.
+        again: to be tried again when each other one has been begun.
+        last: to be tried when all else is done, and alone.
+    """
+
+    def __init__(self, tasks: Iterable[Task]) -> None:
+        self.running: list[Task] = []
+        self.at_once, self.again, self.last = deque[Task](), deque[Task](), deque[Task]()
+        self._waiting = Waiting(tasks)
+        self._free: list[Task] = []  # ended since tasks were started: their workers are free
+
+    def __bool__(self) -> bool:
+        return bool(self._more() or self.last or self.running)
+
+    def start(self, executor: Executor, wanted: Callable[[Task], bool]) -> None:
+        """Start tasks while places are free."""
+        while self._more() and len(self.running) < executor.slots:
+            self._start(self._next(), executor, wanted)
+        while self.last and not self.running:
+            self._start(self.last.popleft(), executor, wanted)
+        self._free.clear()
+
+    def ended(self, task: Task) -> None:
+        """Take note that an attempt is over."""
+        self.running.remove(task)
+        self._free.append(task)
+
+    def _more(self) -> bool:
+        return bool(self.at_once or self._waiting or self.again)
+
+    def _next(self) -> Task:
+        if self.at_once:
+            return self.at_once.popleft()
+        if self._waiting:
+            return self._waiting.take(after=self._free, running=self.running)
+        return self.again.popleft()
+
+    def _start(self, task: Task, executor: Executor, wanted: Callable[[Task], bool]) -> None:
         if wanted(task):
             executor.start(task)
-            started += 1
-    return started
+            self.running.append(task)
 
 
 def _is_final(error: CivilRgbdError) -> bool:

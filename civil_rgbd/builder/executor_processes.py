@@ -40,11 +40,17 @@ _TELL_EVERY_S: Final = 0.2
 
 @dataclass(slots=True, eq=False)
 class _Worker:
-    """A process, our end of its pipe, and what it is making; None when it waits."""
+    """A process, our end of its pipe, what it is making (None when it waits), what it made."""
 
     process: BaseProcess
     pipe: Connection
     task: Task | None = None
+    made: Task | None = None
+
+    def goes_on(self, task: Task) -> bool:
+        """Tell whether a chunk follows the one that it made last: it has read the scans before."""
+        made = self.made
+        return made is not None and (made.job, made.chunk.stop) == (task.job, task.chunk.first)
 
 
 class ProcessExecutor:
@@ -60,7 +66,8 @@ class ProcessExecutor:
 
     def start(self, task: Task) -> None:
         """Give a chunk to a worker that waits, or to a new one."""
-        for worker in [worker for worker in self._workers if worker.task is None]:
+        idle = [worker for worker in self._workers if worker.task is None]
+        for worker in sorted(idle, key=lambda worker: not worker.goes_on(task)):
             try:
                 worker.pipe.send(task)
             except OSError:  # it died while it waited
@@ -104,7 +111,7 @@ class ProcessExecutor:
         if isinstance(said, int):
             self._on_frames(task, said)
             return None
-        worker.task = None
+        worker.task, worker.made = None, task
         if isinstance(said, Finished | Raised):
             return said
         raise RuntimeError(f"a worker said {said!r}")
