@@ -122,14 +122,14 @@ def depth_statistics(
     Returns:
         share, metres, metres: each exactly a float32; 0 and 0 metres when no pixel has depth.
     """
-    count = int(np.count_nonzero(depth_m))
+    # Floats that are not negative are ordered as their bits are, and those are counted faster. One
+    # less turns the zeros into the largest of all, ten times faster than picking the others out.
+    bits = np.ascontiguousarray(depth_m).view(np.uint32)
+    count = int(np.count_nonzero(bits))
     share = float(np.float32(count / depth_m.size))
     if not count:
         return share, 0.0, 0.0
-    # Floats that are not negative are ordered as their bits are. One less turns the zeros into the
-    # largest of all, ten times faster than picking the others out.
-    bits = np.ascontiguousarray(depth_m).view(np.uint32) - np.uint32(1)
-    nearest_m = (bits.min() + np.uint32(1)).view(np.float32)
+    nearest_m = ((bits - np.uint32(1)).min() + np.uint32(1)).view(np.float32)
     return share, float(nearest_m), float(depth_m.max())
 
 
