@@ -33,7 +33,8 @@ CAMERA, MOTION = "geometry/camera.py", "geometry/motion.py"
 RIG, PREPARE = "domain/rig.py", "pipeline/prepare.py"
 ACCUMULATE, RENDER = "pipeline/accumulate.py", "pipeline/render.py"
 IMAGE, FRAMES, SELECT = "pipeline/image.py", "pipeline/frames.py", "pipeline/select.py"
-PLAN = "builder/plan.py"
+VISIBILITY, QUALITY = "pipeline/visibility.py", "pipeline/quality.py"
+WINNERS, PLAN = "pipeline/winners.py", "builder/plan.py"
 
 
 @dataclass(frozen=True)
@@ -449,14 +450,14 @@ MUTATIONS = (
     Mutation(
         "stored stamp is the camera's",
         PLAN,
-        " stamp_ns=int(stamps_ns[posed[k]])",
-        " stamp_ns=int(recording.image_stamps_ns[posed[k]])",
+        " stamp_ns=int(self.stamps_ns[place])",
+        " stamp_ns=int(self.source_stamps_ns[place])",
     ),
     Mutation(
         "frame numbered by its place in the plan",
         PLAN,
-        "source_index=int(posed[k])",
-        "source_index=int(k)",
+        "source_index=int(self.source_indices[place])",
+        "source_index=int(place)",
     ),
     Mutation(
         "gate: exactly the limit is enough (> to >=)",
@@ -629,6 +630,170 @@ MUTATIONS = (
         "if window.count < self.recipe",
         "if window.count <= self.recipe",
     ),
+    # visibility
+    Mutation(
+        "hidden: the frame's own points hide nothing",
+        VISIBILITY,
+        "depth_m[i] if depth_m[i] != no_depth_m else np.float32(np.inf)",
+        "np.float32(np.inf)",
+    ),
+    Mutation(
+        "hidden: empty pixels stand before everything",
+        VISIBILITY,
+        "depth_m[i] if depth_m[i] != no_depth_m else np.float32(np.inf)",
+        "depth_m[i]",
+    ),
+    Mutation(
+        "hidden: what hides is rounded to the step of depth",
+        VISIBILITY,
+        "unrounded = dataclasses.replace(limits, step_m=0.0)",
+        "unrounded = limits",
+    ),
+    Mutation(
+        "hidden: of the front's neighbourhoods the largest first",
+        VISIBILITY,
+        "grown = cv2.erode(surface_m",
+        "grown = cv2.dilate(surface_m",
+    ),
+    Mutation(
+        "hidden: the front has no rim",
+        VISIBILITY,
+        "_square(stage.closing_px + 2 * stage.rim_px)",
+        "_square(stage.closing_px)",
+    ),
+    Mutation(
+        "hidden: the rim is twice as wide",
+        VISIBILITY,
+        "_square(stage.closing_px + 2 * stage.rim_px)",
+        "_square(stage.closing_px + 4 * stage.rim_px)",
+    ),
+    Mutation(
+        "hidden: exactly the margin is hidden (> to >=)",
+        VISIBILITY,
+        "if np.float64(depth_m[row, column]) > limit_m:",
+        "if np.float64(depth_m[row, column]) >= limit_m:",
+    ),
+    Mutation(
+        "hidden: no margin in metres",
+        VISIBILITY,
+        "* times + margin_m",
+        "* times",
+    ),
+    Mutation(
+        "hidden: no margin by depth",
+        VISIBILITY,
+        "1.0 + stage.margin_share",
+        "1.0",
+    ),
+    Mutation(
+        "hidden: the limit in float32",
+        VISIBILITY,
+        "np.float64(front_m[row, column]) * times + margin_m",
+        "front_m[row, column] * np.float32(times) + np.float32(margin_m)",
+    ),
+    Mutation(
+        "hidden: removed pixels are counted once in all",
+        VISIBILITY,
+        "removed += 1",
+        "removed = 1",
+    ),
+    Mutation(
+        "hidden: points of any age hide",
+        FRAMES,
+        "points=stage.points, max_age_s=stage.max_age_s",
+        "points=stage.points",
+    ),
+    Mutation(
+        "hidden: a scan that comes twice counts by its later part",
+        ACCUMULATE,
+        "theirs[scan] = (min(start, known[0]), max(stop, known[1]))",
+        "theirs[scan] = (start, stop)",
+    ),
+    # quality planes
+    Mutation(
+        "quality: the nearest of many returns is too far",
+        QUALITY,
+        "bias_m = -mean * one2",
+        "bias_m = mean * one2",
+    ),
+    Mutation(
+        "quality: the nearest of many errs as one",
+        QUALITY,
+        "left2 = one2 - (1 - variance) * one2 * one2 / both2",
+        "left2 = one2 + 0 * variance",
+    ),
+    Mutation(
+        "quality: the pixel's own spread of depth left out",
+        QUALITY,
+        "both2 = one2 + slopes.spread_m**2 + ",
+        "both2 = one2 + ",
+    ),
+    Mutation(
+        "quality: noise along the ray taken for depth",
+        QUALITY,
+        "weak2 + slant_m**2) / ray",
+        "weak2 + slant_m**2)",
+    ),
+    Mutation(
+        "quality: depth taken for range",
+        QUALITY,
+        "distance_m = depth_m * ray",
+        "distance_m = depth_m + 0 * ray",
+    ),
+    Mutation(
+        "quality: rounding errs by a whole step",
+        QUALITY,
+        "depth.step_m**2 / 12",
+        "depth.step_m**2",
+    ),
+    Mutation(
+        "quality: leaves taken for planes",
+        QUALITY,
+        "(1.0 + np.clip(rough, 0.0, 1.0))",
+        "(1.0 + 0.0 * rough)",
+    ),
+    Mutation(
+        "quality: more returns than half floats can count",
+        QUALITY,
+        "np.minimum(winners.returns, _MOST_RETURNS)",
+        "winners.returns",
+    ),
+    Mutation(
+        "quality: the age is that of the first point",
+        QUALITY,
+        "won = np.where(winners.point == NO_WINNER, 0, winners.point)",
+        "won = np.zeros_like(winners.point)",
+    ),
+    Mutation(
+        "quality: the age has the other sign",
+        FRAMES,
+        "ages_s=(plan.stamp_ns - stamps_ns)",
+        "ages_s=(stamps_ns - plan.stamp_ns)",
+    ),
+    Mutation(
+        "quality: hidden and out of range exchanged",
+        QUALITY,
+        'EMPTY["hidden"], EMPTY["out-of-range"]]',
+        'EMPTY["out-of-range"], EMPTY["hidden"]]',
+    ),
+    Mutation(
+        "quality: what was removed had no return",
+        QUALITY,
+        "_why_empty(measured, before_m != NO_DEPTH_M",
+        "_why_empty(measured, measured",
+    ),
+    Mutation(
+        "quality: of equally near returns the last wins",
+        WINNERS,
+        "depths_m[i] < depths_m[best]",
+        "depths_m[i] <= depths_m[best]",
+    ),
+    Mutation(
+        "quality: returns out of the depth range count",
+        WINNERS,
+        "if limits[0] <= depth <= limits[1]:",
+        "if depth > 0.0:",
+    ),
 )
 
 
@@ -684,7 +849,7 @@ class Copy:
     def _first_failure(self, file: str, *, kernels: str) -> str | None:
         room = f"tests/{file.partition('/')[0]}"
         # numba keeps one kernel a file: broken ones must not throw out the whole ones.
-        changes_kernels = file in {RENDER, MOTION, PREPARE}
+        changes_kernels = file in {RENDER, MOTION, PREPARE, VISIBILITY, WINNERS}
         cache = self.folder / (kernels if changes_kernels else "whole")
         ordered = sorted(PROOF, key=lambda path: not path.startswith(room))
         plugins = ("-p", "no:cacheprovider", "-p", "no:xdist")

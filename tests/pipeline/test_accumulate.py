@@ -99,6 +99,38 @@ def test_it_sees_what_its_slow_twin_counts_one_by_one(
 
 @given(
     recordings_of_scans(),
+    st.integers(-20, 80),
+    st.integers(1, 20),
+    st.integers(1, 40),
+    WINDOWS,
+    st.sampled_from([0, 5, 20]),
+)
+def test_beyond_a_window_are_the_points_of_another_that_it_does_not_have(
+    scans: list[LidarScan], stamp_ns: int, fewer: int, more: int, window: str, max_age_ns: int
+) -> None:
+    reader = Reader(scans)
+    inner = reader.window(points=fewer, window=window).at(stamp_ns)
+    stage = {"points": more, "window": window, "max_age_s": max_age_ns / SECOND}
+    outer = reader.window(**stage).at(stamp_ns)
+
+    rest = PointWindow(outer.beyond(inner), [], [])
+
+    assert all(part.shape[1] for part in rest.segments)
+    assert Counter(origins(rest)) == Counter(origins(outer)) - Counter(origins(inner))
+
+
+def test_beyond_a_window_within_one_message_are_its_points_before_and_after() -> None:
+    reader = Reader(every(20, points=20, messages=3))
+    inner, outer = (reader.window(points=points, window="centred").at(30) for points in (6, 12))
+
+    rest = PointWindow(outer.beyond(inner), [], [])
+
+    assert origins(inner) == [(1, place) for place in range(7, 13)]
+    assert origins(rest) == [(1, place) for place in (4, 5, 6, 13, 14, 15)]
+
+
+@given(
+    recordings_of_scans(),
     st.lists(st.integers(-20, 80), min_size=2, max_size=8).map(sorted),
     st.integers(1, 40),
     WINDOWS,

@@ -141,6 +141,17 @@ def test_what_lies_behind_by_just_the_margin_stays() -> None:
     assert np.argwhere(removed(depth_m)).tolist() == [[8, 16]]
 
 
+def test_the_limit_is_reckoned_in_float64() -> None:
+    front_m = np.random.default_rng(0).uniform(1, 60, (200, 300)).astype(np.float32)
+    limit_m = front_m.astype(np.float64) * 1.02 + 0.1
+    depth_m = limit_m.astype(np.float32)  # beside the limit, on either side
+
+    after = depth_m.copy()
+    remove_hidden(after, front_m, stage=STAGE)
+
+    np.testing.assert_array_equal(after == 0, depth_m.astype(np.float64) > limit_m)
+
+
 def test_what_hides_is_not_rounded_to_the_step_of_the_stored_depth() -> None:
     surface = nearest_surface(
         image(9.0),
