@@ -166,7 +166,8 @@ def _rig_inverted(extent: Extent, rng: Rng) -> Variant:
 
 def _coverage(extent: Extent, rng: Rng) -> Variant:
     del extent
-    degrees = float(rng.choice([-1, 1]) * rng.uniform(85, 120))
+    # Backwards: to the side there are points of when the walker looked there, a second before.
+    degrees = float(rng.choice([-1, 1]) * rng.uniform(150, 180))
     turn = rotation(np.array([0.0, 1.0, 0.0]), degrees)
     return Variant(remount(lambda T: T @ turn), {"degrees": degrees})
 
