@@ -184,6 +184,8 @@ def _child(source: str, recipe: str, out: str, workers: str) -> None:
         BuildOptions(workers=int(workers)),
     )
     seconds = time.perf_counter() - started
+    # On Linux a child's peak begins with what its parent had when it was started: the figure of a
+    # worker is too large rather than too small.
     per_unit = 1 if sys.platform == "darwin" else 1024
     peaks = {
         name: resource.getrusage(who).ru_maxrss * per_unit

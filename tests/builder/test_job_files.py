@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import pickle
+import signal
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -106,3 +109,29 @@ except OutputError as error:
     assert "cannot write: File too large" in told.stdout
     assert str(folder) in told.stdout
     assert not folder.exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="nothing is killed by signals there")
+@pytest.mark.parametrize("killed", [False, True])
+def test_nothing_stays_in_the_temporary_folder(killed: bool, tmp_path: Path) -> None:  # a case
+    temporary, out = tmp_path / "temporary", tmp_path / "out"
+    temporary.mkdir()
+    script = Path(__file__).with_name("one_build.py")
+    build = subprocess.Popen(
+        [sys.executable, str(script), str(out), "processes", "2"],
+        env=os.environ | {"TMPDIR": str(temporary)},
+        stdout=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 60
+    while killed and not list(out.glob(".partial/B9/done/*.json")):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    if killed:
+        build.send_signal(signal.SIGKILL)
+
+    assert (build.wait(timeout=60) != 0) == killed
+
+    while list(temporary.glob("civil_rgbd_*")):  # the workers notice, and clear it away
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
