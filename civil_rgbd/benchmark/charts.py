@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _STYLES: Final = {SAME: "-", REMAINDER: "--", APART: ":"}
-_SIZE_IN: Final = (7.0, 3.6)
+_SIZE_IN: Final = (10.0, 3.8)
 _LONGEST_LABEL: Final = 28  # letters
 
 

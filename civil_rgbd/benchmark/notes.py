@@ -72,7 +72,8 @@ def _counts(row: TableRow) -> str:
         return f"{name}: nothing was scored."
     images = total["images"] - total["images_skipped"]
     return (
-        f"{name}, same frames, seeds {', '.join(map(str, row.seeds))}: {images} images and "
+        f"{name}, same frames, seed{'s' * (len(row.seeds) > 1)} "
+        f"{', '.join(map(str, row.seeds))}: {images} images and "
         f"{total['pixels']} pixels scored, {total['images_skipped']} images skipped with "
         f"{total['pixels_skipped']} pixels; of the predictions {total['clamped_low']} raised to "
         f"the minimum, {total['clamped_high']} lowered to the maximum, {total['prediction_nan']} "

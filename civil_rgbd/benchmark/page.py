@@ -31,13 +31,18 @@ _STYLE: Final = """
 body { font: 15px/1.45 system-ui, sans-serif; color: #222; background: #fff; margin: 0 auto;
   max-width: 1250px; padding: 1.5rem; }
 h2 { font-size: 1.2rem; margin-top: 2rem; border-top: 1px solid #ccc; padding-top: .6rem; }
-table { border-collapse: collapse; } th, td { padding: .2rem .6rem; text-align: right;
-  white-space: nowrap;
-  border-bottom: 1px solid #eee; } th:first-child, td:first-child { text-align: left; }
+table { border-collapse: collapse; font-size: .8rem; font-variant-numeric: tabular-nums; }
+th, td { padding: .2rem .4rem; text-align: right; border-bottom: 1px solid #eee; }
+th { vertical-align: bottom; } td { white-space: nowrap; }
+th:first-child, td:first-child { text-align: left; }
+td:first-child { white-space: normal; overflow-wrap: anywhere; min-width: 8rem; max-width: 15rem; }
+td:nth-child(n+10) { white-space: normal; }
+p { overflow-wrap: anywhere; }
 .failed { border-left: .4rem solid #c00; padding-left: .6rem; } .wide { overflow-x: auto; }
 svg { max-width: 100%; height: auto; }
 .row { display: grid; grid-template-columns: 9rem repeat(auto-fit, minmax(8rem, 1fr)); gap: 4px;
-  align-items: center; } img { width: 100%; display: block; image-rendering: pixelated; }
+  align-items: center; margin-bottom: 4px; overflow-wrap: anywhere; } .row small { color: #555; }
+img { width: 100%; display: block; image-rendering: pixelated; }
 .scale { width: 12rem; height: .8rem; display: inline-block; vertical-align: middle; }
 """
 
@@ -91,7 +96,8 @@ def _failures(rows: Sequence[TableRow]) -> Iterator[str]:
 def _legend() -> str:
     return (
         f'<p>AbsRel per pixel: 0 <img class="scale" src="{error_scale_uri()}" alt="dark blue to '
-        'red"> 100 % and more; grey where nothing was measured. Depth: light is near.</p>'
+        'red"> 100 % and more; grey where nothing was measured. Depth by its logarithm: '
+        "light is near, and each frame has its own range.</p>"
     )
 
 
@@ -155,6 +161,7 @@ def _predictions(cells: Sequence[Cell]) -> Iterator[str]:
     rows = {row.frame_id: row for row in bridge.rows}
     shown = [_Shown(bridge, rows[frame]) for frame in frames]
     yield _line("image", [photo_uri(one.rgb) for one in shown])
+    yield _words([one.words for one in shown])
     yield _line("truth", [depth_uri(one.depth_m, one.near_far_m) for one in shown])
     for cell in cells:
         model = model_of(cell)
@@ -176,10 +183,22 @@ class _Shown:
         near, far = np.percentile(known, [1, 99]) if len(known) else (1.0, 80.0)
         self.near_far_m = (float(near), max(float(far), float(near) * math.e))
 
+    @property
+    def words(self) -> str:
+        """Which frame it is, and what its colours mean."""
+        near_m, far_m = self.near_far_m
+        return f"frame {self.row.frame_id}: light {near_m:.1f} m, dark {far_m:.1f} m"
+
 
 def _spread_out(frames: Sequence[str]) -> list[str]:
     places = np.linspace(0, len(frames) - 1, min(SHOWN_FRAMES, len(frames)) + 2)[1:-1]
     return [frames[round(place)] for place in places.tolist()]
+
+
+def _words(words: Sequence[str]) -> str:
+    return (
+        f'<div class="row"><span></span>{"".join(f"<small>{one}</small>" for one in words)}</div>'
+    )
 
 
 def _line(name: str, uris: Sequence[str]) -> str:

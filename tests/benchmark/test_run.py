@@ -187,7 +187,7 @@ def test_the_page_shows_table_curves_and_predictions_and_asks_nobody(job: Benchm
     )
     apart = results["tests"]["apart"]["counts"]["images"]
     assert page.count("<svg") == 2
-    assert page.count('class="row"') == 2 + 2 * 3  # image, truth; depth and error of three cells
+    assert page.count('class="row"') == 3 + 2 * 3  # image, words, truth; depth, error of 3 cells
     assert page.count("data:image/png;base64,") == 1 + 3 * (2 + 2 * 3)
     assert "TenMetres, 0 shots: AbsRel" in page
     assert "Settings: model_options.features=16, " in page
