@@ -179,3 +179,42 @@ def test_a_quick_run_never_touches_the_figures_of_the_page(
         modules[""].main(["--quick"])
 
     assert "--quick wants an --out of its own" in capsys.readouterr().err
+
+
+def test_the_figures_in_the_sentences_are_those_of_the_rows(modules: dict[str, ModuleType]) -> None:
+    chosen, mean = modules["table"].chosen, modules["table"].mean
+    rows = modules["table"].read_rows(FIGURES / "conditions.csv")
+    text = " ".join(PAGE.read_text("utf-8").split())
+
+    def of(measure: str, points: int, times: float = 100, **condition: object) -> float:
+        return float(times * mean(chosen(rows, points=points, **condition), measure))
+
+    covered = [of("coverage", points) for points in (50_000, 250_000, 1_000_000, 2_000_000)]
+    assert (
+        "{:.0f} % of the pixels with 50,000, {:.0f} % with 250,000, {:.0f} % with 1,000,000, "
+        "{:.0f} % with 2,000,000"
+    ).format(*covered) in text
+    medians = [
+        [of("median_m", points, drift=drift, filtering="on") for drift in ("none", "usual", "poor")]
+        for points in (250_000, 1_000_000)
+    ]
+    assert (
+        "is {:.1f} cm with exact poses, {:.1f} cm with usual drift, {:.1f} cm with poor one"
+    ).format(*medians[0]) in text
+    assert "it is {:.1f}, {:.1f} and {:.1f} cm".format(*medians[1]) in text
+    plain, clean = ({"filtering": name, "points": 250_000} for name in ("off", "on"))
+    assert f"removes {100 - of('leak', **clean) / of('leak', **plain) * 100:.0f} %" in text
+    assert of("abs_rel", **clean) / of("abs_rel", **plain) == pytest.approx(0.5, abs=0.02)
+    lost = [of("lost", **clean, traffic=traffic) for traffic in ("none", "moving")]
+    assert "takes {:.1f} % of the good pixels, or {:.1f} % where".format(*lost) in text
+    later = of("leak", 250_000, window="future") / of("leak", 250_000)
+    assert later == pytest.approx(4, abs=0.3)
+    assert "let four times as many pixels see through" in text
+    standing = [
+        of(measure, points, motion="still")
+        for measure in ("coverage", "median_m")
+        for points in (500_000, 2_000_000)
+    ]
+    assert (
+        "coverage rises from {:.0f} to {:.0f} %, the median error from {:.1f} to {:.1f} cm"
+    ).format(*standing) in text
