@@ -180,9 +180,10 @@ RECIPES: Final = {
     "250k, 250k-all": (250_000, "off"),
     "250k-clean": (250_000, "on"),
     "1m": (1_000_000, "off"),
+    "250k-clean --set accumulate.points=50_000": (50_000, "on"),
     "250k-clean --set accumulate.points=1_000_000": (1_000_000, "on"),
 }
-"""Recipes that ship, and one key of one of them: points before the image, filter."""
+"""Recipes that ship, and one with another number: points before the image, filter."""
 
 
 def _table_of_recipes(rows: Rows) -> list[str]:
