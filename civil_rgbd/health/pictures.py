@@ -25,8 +25,8 @@ _BRIGHTER: Final = 1.25
 _AVERAGE_PX: Final = 9
 _STRONGEST: Final = 0.05
 _FLAT: Final = 6.0  # grey levels: an image without any stronger edge shows nothing to judge
-_SMEARED: Final = 0.5
-"""Of sharp images 0.2; 0.5 is a Gaussian blur of 2 pixels in 1280, or motion over 8."""
+_SMEARED: Final = 0.4
+"""Of sharp images 0.1 to 0.25; 0.4 is a Gaussian blur of 2 pixels in 1280, or motion over 18."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
