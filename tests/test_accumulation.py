@@ -53,7 +53,13 @@ def test_the_experiment_runs_from_end_to_end_and_goes_on_where_it_was(
     plots = sorted((tmp_path / "out").glob("*.png"))
     assert sorted(printed.split()) == [str(plot) for plot in plots]
     assert [plot.stem for plot in plots] == sorted(plot.name for plot in modules["plots"].PLOTS)
-    _relations_hold(modules, modules["table"].read_rows(table))
+    rows = modules["table"].read_rows(table)
+    _relations_hold(modules, rows)
+    before, after = (
+        modules["table"].mean(modules["table"].chosen(rows, points=25_000, filtering=name), "leak")
+        for name in ("off", "on")
+    )
+    assert after < 0.05 * before  # 25,000 points alone show no front: it takes those that may hide
 
 
 def _relations_hold(modules: dict[str, ModuleType], rows: list) -> None:  # type: ignore[type-arg]  # rows of a script
@@ -73,6 +79,11 @@ def _relations_hold(modules: dict[str, ModuleType], rows: list) -> None:  # type
             assert row.leak * row.coverage <= before.leak * before.coverage * 1.001
             assert row.lost >= before.lost == 0
             assert row.span_s == before.span_s
+    for scene, count in {(key[0], key[3]) for key in by_points}:
+        windows = [
+            by_points[scene, window, "off", count] for window in ("past", "centred", "future")
+        ]
+        assert len({(row.coverage, row.median_m) for row in windows}) == 3
     for fewer, more in pairwise(points):
         for scene, window in {key[:2] for key in by_points}:
             low, high = (by_points[scene, window, "off", count] for count in (fewer, more))
@@ -166,6 +177,7 @@ def test_a_stand_is_where_the_walk_is_looked_at(modules: dict[str, ModuleType]) 
 
     walked = imu_poses(walk, START_NS + 10**9 * np.array(instants_s, dtype=np.int64))[0]
     assert len(stands) == 2
+    assert len({walk.seed, *(spec.seed for spec, _ in stands)}) == 3
     for (spec, (instant_s,)), place in zip(stands, walked[:: effort.images // 2], strict=True):
         here = imu_poses(spec, np.array([START_NS + instant_s * 10**9]))[0][0]
         assert np.linalg.norm(here - place) < 0.1  # a step's bob and sway
