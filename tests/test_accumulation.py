@@ -51,7 +51,7 @@ def test_the_experiment_runs_from_end_to_end_and_goes_on_where_it_was(
     assert table.read_bytes() == first
     assert PAGE.read_text("utf-8") == page
     plots = sorted((tmp_path / "out").glob("*.png"))
-    assert sorted(printed.split()) == [str(plot) for plot in plots]
+    assert sorted(printed.splitlines()) == [str(plot) for plot in plots]
     assert [plot.stem for plot in plots] == sorted(plot.name for plot in modules["plots"].PLOTS)
     rows = modules["table"].read_rows(table)
     _relations_hold(modules, rows)
