@@ -32,7 +32,7 @@ from civil_rgbd.builder.shares import BEGIN_WAIT_S, Division, Share, gate_of, wr
 from civil_rgbd.domain.bridge import BridgeInfo, Manifest
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
-from civil_rgbd.errors import BridgeFailedError
+from civil_rgbd.errors import BridgeFailedError, OutputError
 from civil_rgbd.format.atomic import folder_lock, recover_folder, writing
 from civil_rgbd.format.datasets import refresh_dataset
 from civil_rgbd.format.layout import BRIDGES, PARTIAL
@@ -263,10 +263,21 @@ def _take(build: BridgeBuild, check: Callable[[], None]) -> None:
             write_facts(partial, build.facts)
             if manner.share is not None:
                 write_division(partial, Division(manner.share.of, *build.place))
-        elif manner.share is None:
-            remove_left_over(partial, identity)  # a kill came after the bridge had appeared
+        else:
+            _clear(partial, identity, alone=manner.share is None)
     if build.whole is None:
         _find(build)
+
+
+def _clear(partial: Place, identity: Mapping[str, object], *, alone: bool) -> None:
+    """Take away what a kill left behind after the bridge had appeared."""
+    with ExitStack() as lock:
+        if not alone:
+            try:
+                lock.enter_context(folder_lock(partial))
+            except OutputError:
+                return  # others are at work there: it is no left-over
+        remove_left_over(partial, identity)
 
 
 def _find(build: BridgeBuild) -> None:

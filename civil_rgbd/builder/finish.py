@@ -5,7 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-from civil_rgbd.builder.bridge import IDENTITY, find_whole, remove_if_empty
+from civil_rgbd.builder.bridge import (
+    IDENTITY,
+    find_whole,
+    remove_if_empty,
+    remove_left_over,
+    remove_partial,
+)
 from civil_rgbd.builder.chunks import finished_chunks
 from civil_rgbd.builder.facts import Facts, read_facts
 from civil_rgbd.builder.publish import missing_frames, publish
@@ -16,7 +22,8 @@ from civil_rgbd.domain.recording import RecordingNotes
 from civil_rgbd.errors import BridgeFailedError, CivilRgbdError, UsageError
 from civil_rgbd.format.atomic import folder_lock, recover_folder
 from civil_rgbd.format.datasets import refresh_dataset
-from civil_rgbd.format.layout import BRIDGES, PARTIAL
+from civil_rgbd.format.layout import BRIDGES, MANIFEST, PARTIAL, dataset_bridges
+from civil_rgbd.format.manifest import read_manifest
 from civil_rgbd.storage.places import Place, place_of
 
 _SHOWN: int = 20
@@ -35,37 +42,44 @@ def finish_bridges(
 ) -> SurveyReport:
     """Publish the bridges whose parts are all made. No recording is needed: parts left the plan.
 
+    Bridges that are whole are found: it may run again, however far it came before.
+
     Args:
         dataset: the dataset folder.
-        bridge_ids: which bridges; () for all that are begun.
+        bridge_ids: which bridges; () for all that are begun, or for all if none is.
         overwrite: replace a bridge that was made otherwise.
 
     Returns:
         what became of each: one with missing parts failed.
 
     Raises:
-        UsageError: there is nothing to join, or a bridge was never begun.
+        UsageError: no bridge is begun or whole, or one of those named is neither.
     """
     started = time.monotonic()
     dataset = place_of(dataset)
-    begun = unfinished(dataset)
+    begun, whole = unfinished(dataset), tuple(dataset_bridges(dataset))
     for bridge_id in bridge_ids:
-        if bridge_id not in begun:
+        if bridge_id not in begun + whole:
             raise UsageError(
                 f"no unfinished bridge {bridge_id!r} lies here",
                 where=dataset,
                 fix=f"begun and not published: {', '.join(begun) or 'none'}",
             )
-    if not begun:
+    wanted = tuple(bridge_ids) or begun or whole
+    if not wanted:
         raise UsageError(
             "no unfinished bridge lies here",
             where=dataset,
             fix="make the parts first: civil-rgbd build --chunk 1/8 ..., then --chunk 2/8, ...",
         )
     outcomes = []
-    for bridge_id in bridge_ids or begun:
+    for bridge_id in wanted:
         try:
-            report = _finish(dataset, bridge_id, overwrite=overwrite)
+            report = (
+                _finish(dataset, bridge_id, overwrite=overwrite)
+                if bridge_id in begun
+                else _find(dataset, bridge_id)
+            )
             outcomes.append(Outcome(bridge_id, report=report))
         except CivilRgbdError as error:
             outcomes.append(Outcome(bridge_id, error=error))
@@ -80,18 +94,30 @@ def _finish(dataset: Place, bridge_id: str, *, overwrite: bool) -> BuildReport:
     with folder_lock(gate_of(partial), wait_s=BEGIN_WAIT_S), folder_lock(partial):
         recover_folder(folder)
         facts = read_facts(partial)
-        # The same bridge is there only where somebody built it whole beside the parts.
-        find_whole(folder, facts.manifest, overwrite=overwrite)
-        records = finished_chunks(partial)
-        missing = missing_frames(facts, records)
-        if missing:
-            _refuse_missing(partial, facts, missing)
-        manifest = publish(partial, folder, facts, records)
+        whole = find_whole(folder, facts.manifest, overwrite=overwrite)
+        if whole is not None:
+            remove_partial(partial)  # a kill came after the bridge had appeared
+        else:
+            records = finished_chunks(partial)
+            missing = missing_frames(facts, records)
+            if missing:
+                _refuse_missing(partial, facts, missing)
+        manifest = whole or publish(partial, folder, facts, records)
         refresh_dataset(dataset)
-    return _report(manifest, folder, time.monotonic() - started)
+    return _report(manifest, folder, time.monotonic() - started, found=whole is not None)
 
 
-def _report(manifest: Manifest, folder: Place, seconds: float) -> BuildReport:
+def _find(dataset: Place, bridge_id: str) -> BuildReport:
+    """Do what a kill after the bridge had appeared may have left undone."""
+    partial, folder = dataset / PARTIAL / bridge_id, dataset / BRIDGES / bridge_id
+    manifest = read_manifest(folder / MANIFEST)
+    with folder_lock(gate_of(partial), wait_s=BEGIN_WAIT_S), folder_lock(partial):
+        remove_left_over(partial, {})
+        refresh_dataset(dataset)
+    return _report(manifest, folder, 0.0, found=True)
+
+
+def _report(manifest: Manifest, folder: Place, seconds: float, *, found: bool) -> BuildReport:
     return BuildReport(
         bridge_id=folder.name,
         folder=folder,
@@ -101,7 +127,7 @@ def _report(manifest: Manifest, folder: Place, seconds: float) -> BuildReport:
         licence=manifest.info.licence,
         seconds=seconds,
         frames_found=manifest.counts.frames_kept,
-        already_whole=False,
+        already_whole=found,
     )
 
 

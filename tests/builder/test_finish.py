@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,9 +11,11 @@ from pathlib import Path
 import pytest
 
 from civil_rgbd.builder import finish
+from civil_rgbd.builder.bridge import IDENTITY
 from civil_rgbd.builder.bridge_build import Order
 from civil_rgbd.builder.facts import FACTS
 from civil_rgbd.builder.finish import finish_bridges, unfinished
+from civil_rgbd.builder.report import BuildReport
 from civil_rgbd.builder.run import BuildOptions, build_bridge, build_bridges
 from civil_rgbd.builder.shares import Share
 from civil_rgbd.domain.recipe import Recipe
@@ -126,6 +129,55 @@ def test_a_bridge_that_was_never_begun_is_said(
         finish_bridges(tmp_path, ["B8"])
 
     assert "B9" in caught.value.fix
+
+
+@pytest.mark.parametrize(
+    "lost", [["bridge"], ["bridge", "done", FACTS], ["bridge", IDENTITY], [".", "../dataset.json"]]
+)
+def test_a_kill_after_the_bridge_had_appeared_is_no_dead_end(
+    recording: SimulatedRecording,
+    recipe: Recipe,
+    built: dict[str, bytes],
+    tmp_path: Path,
+    lost: list[str],
+) -> None:
+    make(recording, recipe, tmp_path, Share(1, 1))
+    partial, kept = tmp_path / PARTIAL / "B9", tmp_path / "kept"
+    shutil.copytree(partial, kept)
+    assert not finish_bridges(tmp_path).failed
+    shutil.copytree(kept, partial)  # what the kill left: some of this is gone already
+    shutil.rmtree(kept)
+    for name in lost:
+        path = tmp_path / PARTIAL / name if name.startswith("..") else partial / name
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+    if FACTS in lost:
+        assert "run one of its build commands again" in str(
+            finish_bridges(tmp_path).failed[0].error
+        )
+        make(recording, recipe, tmp_path, Share(1, 1))
+    (outcome,) = finish_bridges(tmp_path).outcomes
+
+    assert isinstance(outcome.report, BuildReport)
+    assert outcome.report.already_whole
+    assert contents(tmp_path) == built
+    assert not (tmp_path / PARTIAL).exists()
+
+
+def test_what_other_parts_are_at_is_no_left_over(
+    recording: SimulatedRecording, recipe: Recipe, tmp_path: Path
+) -> None:
+    make(recording, recipe, tmp_path, Share(1, 2))
+    kept = tmp_path / "kept"
+    shutil.copytree(tmp_path / PARTIAL / "B9", kept)
+    build_bridge(recording, recipe, tmp_path, INFO, BuildOptions())
+    shutil.copytree(kept, tmp_path / PARTIAL / "B9")
+
+    with folder_lock(tmp_path / PARTIAL / "B9"):
+        make(recording, recipe, tmp_path, Share(2, 2))
+        assert unfinished(tmp_path) == ("B9",)
+    make(recording, recipe, tmp_path, Share(2, 2))
+    assert unfinished(tmp_path) == ()
 
 
 def test_a_damaged_plan_is_said(
