@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from civil_rgbd.builder.chunks import BRIDGE, DONE
 from civil_rgbd.builder.provenance import reading_record, recipe_record, software
+from civil_rgbd.builder.salvage import salvage_before
 from civil_rgbd.constants import BRIDGE_ID_PATTERN
 from civil_rgbd.domain.bridge import BridgeInfo, Counts, Manifest, rig_record
 from civil_rgbd.domain.frame import QUALITY_PLANES
@@ -171,7 +172,9 @@ def find_whole(folder: Place, wanted: Manifest, *, overwrite: bool) -> Manifest 
     with contextlib.suppress(FormatError):
         there = read_manifest(folder / MANIFEST)
     if there is not None:
-        a, b = (manifest_to_document(manifest) for manifest in (_before(there, wanted), wanted))
+        a, b = (
+            manifest_to_document(manifest) for manifest in (as_begun(there, wanted.counts), wanted)
+        )
         different = sorted(key for key in {*a, *b} if a.get(key) != b.get(key))
         if not different:
             return there
@@ -189,10 +192,14 @@ def find_whole(folder: Place, wanted: Manifest, *, overwrite: bool) -> Manifest 
     )
 
 
-def _before(there: Manifest, wanted: Manifest) -> Manifest:
-    """Return a manifest as it was before its build, which adds counts and what else was damaged."""
-    begun = (there.salvage or "").startswith(wanted.salvage or "")
-    return replace(there, counts=wanted.counts, salvage=wanted.salvage if begun else there.salvage)
+def as_begun(there: Manifest, counts: Counts) -> Manifest:
+    """Return a manifest as it was before its build, which finds out what else is damaged.
+
+    Args:
+        there: of a bridge that was built.
+        counts: those to take for the build's.
+    """
+    return replace(there, counts=counts, salvage=salvage_before(there.salvage))
 
 
 def _other_sources(then: object, now: object) -> str:

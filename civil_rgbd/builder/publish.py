@@ -10,6 +10,7 @@ from civil_rgbd.builder.bridge import remove_partial
 from civil_rgbd.builder.chunks import BRIDGE, ChunkRecord, FrameRecord
 from civil_rgbd.builder.facts import Facts
 from civil_rgbd.builder.plan import in_words
+from civil_rgbd.builder.salvage import salvage_after
 from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.domain.bridge import OLD_POINTS_S, Counts, Manifest
 from civil_rgbd.errors import BridgeFailedError
@@ -89,7 +90,7 @@ def with_counts(facts: Facts, records: Sequence[ChunkRecord]) -> Manifest:
         skipped["scan-undecodable"] = unreadable
     return replace(
         facts.manifest,
-        salvage=_salvaged(facts.manifest.salvage, unreadable, len(points)),
+        salvage=salvage_after(facts.manifest.salvage, unreadable=unreadable, read=len(points)),
         counts=Counts(
             images_seen=facts.images_seen,
             frames_kept=len(kept),
@@ -116,15 +117,6 @@ def _removed(facts: Facts, kept: Sequence[FrameRecord]) -> int | None:
     if recipe is None or "visibility" not in recipe.parameters:
         return None
     return sum(frame.pixels_removed for frame in kept)
-
-
-def _salvaged(said: str | None, unreadable: int, read: int) -> str | None:
-    """Add to what the recording lost as a whole the messages that turned out to be damaged."""
-    if not unreadable:
-        return said
-    scans = "1 scan" if unreadable == 1 else f"{unreadable} scans"
-    left_out = f"{scans} of the {read} that were read are damaged inside and left out"
-    return f"{said}; {left_out}" if said else left_out
 
 
 def _in_order(records: Iterable[ChunkRecord]) -> list[FrameRecord]:

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.builder.bridge import manifest_before
+from civil_rgbd.builder.bridge import as_begun, manifest_before
 from civil_rgbd.builder.executors import use_one_thread
 from civil_rgbd.builder.plan import plan_frames
 from civil_rgbd.builder.provenance import software
@@ -169,7 +169,7 @@ def _refuse_other_recording(manifest: Manifest, recording: Recording, recipe: Re
     """Refuse a recording whose frames need not be those of the bridge."""
     _refuse_other_sources(manifest, recording.sources)
     now = manifest_to_document(manifest_before(recording, recipe, manifest.info, {}))
-    then = manifest_to_document(manifest)
+    then = manifest_to_document(as_begun(manifest, manifest.counts))
     faults = []
     for key in _SAME:
         if now[key] == then[key]:

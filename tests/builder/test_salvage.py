@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from civil_rgbd.builder.run import BuildOptions, build_bridge
+from civil_rgbd.builder.verify import rebuild_frames
 from civil_rgbd.conversion.mcap import open_recording
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import RecordingOptions
-from civil_rgbd.errors import RecordingError
+from civil_rgbd.errors import BuildError, RecordingError
 from civil_rgbd.format.layout import BRIDGES
 from civil_rgbd.format.reader import read_bridge
 from civil_rgbd.simulator.recorder import write_recording
@@ -75,3 +77,29 @@ def test_what_a_build_found_damaged_does_not_make_it_another_build(
     again = build_bridge(recording, recipe, tmp_path, INFO, BuildOptions())
     assert again.already_whole
     assert again.notes.salvage == first.notes.salvage is not None
+
+
+def test_what_a_build_found_damaged_does_not_keep_it_from_being_proved(
+    damaged: Path, recipe: Recipe, tmp_path: Path
+) -> None:
+    recording = open_recording(damaged, RecordingOptions(salvage=True))
+    report = build_bridge(recording, recipe, tmp_path, INFO, BuildOptions())
+    bridge = read_bridge(report.folder)
+
+    rebuilt = rebuild_frames(bridge, recording, bridge.rows)
+
+    assert "left out" in (bridge.manifest.salvage or "")
+    assert (rebuilt.frames, rebuilt.differences) == (len(bridge.rows), ())
+
+
+def test_a_recording_that_lost_something_else_proves_nothing(
+    damaged: Path, recipe: Recipe, tmp_path: Path
+) -> None:
+    recording = open_recording(damaged, RecordingOptions(salvage=True))
+    report = build_bridge(recording, recipe, tmp_path, INFO, BuildOptions())
+    bridge = read_bridge(report.folder)
+    said = f"the file is cut; {bridge.manifest.salvage}"
+    other = replace(bridge, manifest=replace(bridge.manifest, salvage=said))
+
+    with pytest.raises(BuildError, match="salvage was 'the file is cut', is None"):
+        rebuild_frames(other, recording, bridge.rows)
