@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,7 +37,7 @@ def sources_of(manifests: Mapping[str, Manifest], sources: Sequence[str]) -> dic
 
     Args:
         manifests: of the bridges, by id.
-        sources: paths or addresses.
+        sources: paths or addresses; of a folder what lies in it counts.
 
     Returns:
         the sources of each bridge that has some, in the manifest's order.
@@ -50,28 +50,31 @@ def sources_of(manifests: Mapping[str, Manifest], sources: Sequence[str]) -> dic
         return {}
     if len(manifests) == 1:
         return {name: list(sources) for name in manifests}
-    found: dict[str, list[tuple[int, str]]] = {}
+    sizes = {known.size_bytes for manifest in manifests.values() for known in manifest.sources}
+    found: dict[str, dict[str, int]] = {}  # by bridge and source: the place of its first file
     for source in sources:
-        given = _look_at(source)
+        given = _look_at(source, sizes)
         places = [
             (name, place)
             for name, manifest in manifests.items()
             for place, known in enumerate(manifest.sources)
-            if given.is_that(known)
+            if any(one.is_that(known) for one in given)
         ]
         if not places:
+            hashes = [one.sha256 for one in given if one.sha256]
             raise UsageError(
                 "no bridge was built from this source"
-                + (f", sha256 {given.sha256}" if given.sha256 else ""),
+                + (f", sha256 {', '.join(hashes)}" if hashes else ""),
                 where=source,
                 fix="compare with `sources` in the manifests: was the file changed or replaced?",
             )
         for name, place in places:
-            found.setdefault(name, []).append((place, source))
-    return {name: [source for _, source in sorted(some)] for name, some in found.items()}
+            found.setdefault(name, {}).setdefault(source, place)
+    return {name: sorted(some, key=some.__getitem__) for name, some in found.items()}
 
 
-def _look_at(source: str) -> _Given:
+def _look_at(source: str, sizes: Container[int]) -> list[_Given]:
+    """Look at a source, or at what lies in it as far as it has one of some sizes."""
     from civil_rgbd.builder.survey import is_address
     from civil_rgbd.format.hashes import file_sha256
     from civil_rgbd.storage.places import place_of
@@ -82,12 +85,18 @@ def _look_at(source: str) -> _Given:
         try:
             stat = place.stat()
         except FileNotFoundError:  # perhaps a folder; what opens it says more
-            return _Given(place.name)
+            return [_Given(place.name)]
         etag = stat.etag.strip('"') if stat.etag else None
-        return _Given(place.name, stat.st_size, etag=etag)
+        return [_Given(place.name, stat.st_size, etag=etag)]
     path = Path(source)
-    if path.is_file():
-        return _Given(path.name, path.stat().st_size, file_sha256(path))
     if not path.exists() and not is_address(source):
         raise UsageError("there is no such file or folder", where=source, fix="check the path")
-    return _Given(path.name)
+    # The file of a ROS 2 folder that stands for all of it is the source of nothing.
+    within = path.parent if path.name == "metadata.yaml" else path
+    files = [path] if within.is_file() else sorted(within.rglob("*"))
+    given = [
+        _Given(file.name, file.stat().st_size, file_sha256(file))
+        for file in files
+        if file.is_file() and (file == path or file.stat().st_size in sizes)
+    ]
+    return given or [_Given(path.name)]

@@ -241,6 +241,34 @@ def test_verify_says_what_it_needs(
     assert "fix:" in said
 
 
+@pytest.mark.parametrize("within", ["", "/metadata.yaml"])
+def test_verify_finds_whose_folder_a_source_is(
+    within: str, survey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = ("south", "north")
+    for name in names:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "part_0.mcap").write_bytes(
+            (survey.parent / f"raw/{name}.mcap").read_bytes()
+        )
+        (tmp_path / name / "metadata.yaml").write_text(
+            "storage_identifier: mcap\nrelative_file_paths:\n- part_0.mcap\n"
+        )
+    lines = [f'[[bridge]]\nid = "{name}"\nsource = "{name}"\n' for name in names]
+    (tmp_path / "survey.toml").write_text("".join(lines))
+    out = str(tmp_path / "out")
+    more = ["--workers", "1", "--out", out, str(tmp_path / "survey.toml")]
+    assert main(["build", *RECIPE, *more]) == 0
+    given = [word for name in names for word in ("--source", f"{tmp_path}/{name}{within}")]
+    capsys.readouterr()
+
+    assert main(["verify", out, "--rebuild", "4", "--json", *given]) == 0
+
+    rebuilt = json.loads(capsys.readouterr().out)["rebuilt"]
+    assert {one["bridge_id"] for one in rebuilt} == set(names)
+    assert all(one["differences"] == [] and one["proved"] for one in rebuilt)
+
+
 def test_sources_without_a_hash_are_found_by_name_and_size_and_said_unproved(
     survey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
