@@ -160,17 +160,17 @@ def weights_of(document: Mapping[str, Any], *, where: object) -> dict[str, Tenso
         FormatError: there are none.
     """
     found: Mapping[str, Any] = document
-    while not any(isinstance(value, Tensor) for value in found.values()):
-        inner = [found[key] for key in _WRAPPED if isinstance(found.get(key), Mapping)]
-        if not inner:
-            raise FormatError(
-                f"the checkpoint holds no tensors under {', '.join(_WRAPPED)}; it has "
-                f"{', '.join(map(str, found))[:200] or 'nothing'}",
-                where=where,
-                fix="save a state_dict: torch.save(model.state_dict(), path)",
-            )
+    # Into the wrapper first: the authors of BTS keep tensors of best scores beside the weights.
+    while inner := [found[key] for key in _WRAPPED if isinstance(found.get(key), Mapping)]:
         found = inner[0]
     tensors = {str(key): value for key, value in found.items() if isinstance(value, Tensor)}
+    if not tensors:
+        raise FormatError(
+            f"the checkpoint holds no tensors under {', '.join(_WRAPPED)}; it has "
+            f"{', '.join(map(str, found))[:200] or 'nothing'}",
+            where=where,
+            fix="save a state_dict: torch.save(model.state_dict(), path)",
+        )
     while prefix := next((p for p in _PREFIXES if all(key.startswith(p) for key in tensors)), None):
         tensors = {key.removeprefix(prefix): value for key, value in tensors.items()}
     return tensors

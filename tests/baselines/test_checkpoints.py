@@ -65,6 +65,25 @@ def test_checkpoints_of_others_load_by_name(
     assert torch.equal(fresh(*batch), trained(*batch))
 
 
+def test_tensors_of_scores_beside_the_weights_do_no_harm(tmp_path: Path) -> None:
+    trained, fresh = bts_small(features=16), bts_small(features=16)
+    state = {f"module.{key}": value for key, value in trained.network.state_dict().items()}
+    # What the authors' program writes when it evaluates while it trains.
+    beside = {
+        "global_step": 7,
+        "optimizer": {"state": {0: {"exp_avg": torch.zeros(2)}}},
+        "best_eval_measures_higher_better": torch.zeros(3),
+        "best_eval_measures_lower_better": torch.full((6,), 1e3),
+        "best_eval_steps": np.zeros(9, np.int32),
+    }
+    torch.save({**beside, "model": state}, tmp_path / "model-7-best_d1_0.95")
+
+    load_weights(fresh, tmp_path / "model-7-best_d1_0.95")
+
+    own = fresh.network.state_dict()
+    assert all(torch.equal(own[key.removeprefix("module.")], state[key]) for key in state)
+
+
 def test_counters_in_numpys_arrays_do_no_harm(tmp_path: Path) -> None:
     trained, fresh = bts_small(features=16), bts_small(features=16)
     state = {f"module.{key}": value for key, value in trained.network.state_dict().items()}
