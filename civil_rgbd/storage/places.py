@@ -9,13 +9,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final, TypeGuard
 
+from civil_rgbd.errors import UsageError
 from civil_rgbd.storage.remote_path import RemotePath
 
 Place = Path | RemotePath
 """Both have the same methods, as far as files are read here, and files and folders written."""
 
-_URL: Final = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
-_FLATTENED: Final = re.compile(r"(s3|gs|az|https?):[/\\](?![/\\])")  # what pathlib makes of a URL
+_URL: Final = re.compile(r"([a-z][a-z0-9+.-]+)://", re.IGNORECASE)
+_FLATTENED: Final = re.compile(  # what pathlib makes of a URL; one letter alone is a drive
+    r"([a-z][a-z0-9+.-]+):(?:[/\\](?![/\\])|$)", re.IGNORECASE
+)
 
 
 def place_of(location: str | os.PathLike[str] | RemotePath) -> Place:
@@ -23,6 +26,9 @@ def place_of(location: str | os.PathLike[str] | RemotePath) -> Place:
 
     Args:
         location: a path, or a URL such as ``s3://bucket/scans/one.mcap``.
+
+    Raises:
+        UsageError: a URL names no bucket, or a file of this machine.
 
     >>> place_of("s3://raw-scans/one.mcap")
     RemotePath('s3://raw-scans/one.mcap')
@@ -39,7 +45,20 @@ def place_of(location: str | os.PathLike[str] | RemotePath) -> Place:
         if flattened is None:
             return location
         text = f"{flattened[1]}://{text[flattened.end() :]}".replace("\\", "/")
-    return RemotePath(text) if _URL.match(text) else Path(text)
+    url = _URL.match(text)
+    return _remote(url[1].lower(), text[url.end() :]) if url else Path(text)
+
+
+def _remote(protocol: str, name: str) -> RemotePath:
+    if protocol == "file" or not name.strip("/"):
+        raise UsageError(
+            "a file of this machine has no file://"
+            if protocol == "file"
+            else "the URL names no bucket",
+            where=f"{protocol}://{name}",
+            fix="give a path" if protocol == "file" else f"give {protocol}://BUCKET/KEY",
+        )
+    return RemotePath(f"{protocol}://{name}")
 
 
 def is_remote(place: Place) -> TypeGuard[RemotePath]:

@@ -29,6 +29,26 @@ def test_a_url_is_told_from_a_path_even_when_pathlib_flattened_it() -> None:
     assert place_of(url) is url
     assert place_of("a/b.mcap") == Path("a/b.mcap")
     assert place_of("s3/b.mcap") == Path("s3/b.mcap")
+    assert place_of(Path("C:/b.mcap")) == Path("C:/b.mcap")
+
+
+@pytest.mark.parametrize("protocol", ["gs", "gcs", "abfs", "foo", "S3"])
+def test_no_protocol_is_taken_for_a_folder(protocol: str) -> None:
+    url = f"{protocol}://sets/kitchener"
+    assert (
+        place_of(Path(url)) == place_of(url) == RemotePath(f"{protocol.lower()}://sets/kitchener")
+    )
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [("s3://", "names no bucket"), ("gs:///", "names no bucket"), ("file:///a", "no file://")],
+)
+def test_urls_that_name_nothing_on_a_storage_are_refused(url: str, words: str) -> None:
+    for location in (url, Path(url)):
+        with pytest.raises(UsageError, match=words) as caught:
+            place_of(location)
+        assert caught.value.fix.startswith("give ")
 
 
 def test_names_are_taken_apart_as_those_of_paths() -> None:
