@@ -192,7 +192,13 @@ def refuse_other_cell(cell: Cell) -> None:
         bridges=training_bridges(cell.data, split),
     )
     recipes = found.get("recipe", {}), recipe.to_document()
-    refuse_other_run(found.get("identity", {}), identity, where=cell.folder, recipes=recipes)
+    refuse_other_run(
+        found.get("identity", {}),
+        identity,
+        where=cell.folder,
+        recipes=recipes,
+        fix="give another --out; or delete this folder, and its cell is trained anew",
+    )
 
 
 def _location_of(cell: Cell) -> str | Path:

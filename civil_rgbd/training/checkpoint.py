@@ -67,6 +67,7 @@ def refuse_other_run(
     *,
     where: object,
     recipes: tuple[Mapping[str, Any], Mapping[str, Any]] = ({}, {}),
+    fix: str = "give another --out; or --overwrite to delete what is there",
 ) -> None:
     """Refuse to go on with a run that was begun otherwise.
 
@@ -75,6 +76,7 @@ def refuse_other_run(
         wanted: what was asked for.
         where: for the error.
         recipes: documents of both recipes: where they differ, their keys are named.
+        fix: for the error.
 
     Raises:
         TrainingError: it is so; says what differs.
@@ -88,7 +90,7 @@ def refuse_other_run(
         raise TrainingError(
             f"another run lies here: {', '.join(differing)[:400]}",
             where=where,
-            fix="give another --out; or --overwrite to delete what is there",
+            fix=fix,
         )
 
 

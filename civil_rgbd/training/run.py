@@ -129,6 +129,7 @@ def train(job: TrainingJob, options: TrainingOptions | None = None) -> TrainingR
     started = time.monotonic()
     bridges = training_bridges(job.data, job.split)
     refuse_nothing_to_learn(bridges, job.split, job.recipe, where=job.data)
+    is_new = False
     with joined(options.device) as processes:
         _refuse_uneven(job.recipe, processes)
         identity = run_identity(
@@ -143,10 +144,15 @@ def train(job: TrainingJob, options: TrainingOptions | None = None) -> TrainingR
             first = None if job.weights is None else lineage_of_weights(job.weights)
             if first is not None:
                 warn_of_leakage(first, job.split)
-            _prepare_folder(job, identity, first, overwrite=options.overwrite)
+            is_new = _prepare_folder(job, identity, first, overwrite=options.overwrite)
         processes.wait()
         frames = TrainingFrames(job.data, job.split.train, job.recipe, seed=job.seed)
-        found = _train_model(job, options, frames, processes, identity)
+        try:
+            found = _train_model(job, options, frames, processes, identity)
+        except BaseException:
+            if is_new and not _is_begun(job.out):
+                _delete_run(job.out)  # so that the command may take the folder once it is mended
+            raise
         order = TrainingOrder(len(frames), job.recipe.run.batch, job.seed)
         return _report(job, order, found=found, seconds=time.monotonic() - started)
 
@@ -186,19 +192,18 @@ def _refuse_uneven(recipe: TrainingRecipe, processes: Processes) -> None:
 
 def _prepare_folder(
     job: TrainingJob, identity: dict[str, Any], first: Lineage | None, *, overwrite: bool
-) -> None:
+) -> bool:
+    """Write what the run is, or hold it against what lies there; tell whether it is a new one."""
     path = job.out / RUN_FILE
     with writing(job.out):
         job.out.mkdir(parents=True, exist_ok=True)
-        if overwrite:
-            for name in _OWN_FILES:
-                (job.out / name).unlink(missing_ok=True)
-            shutil.rmtree(job.out / BOARD, ignore_errors=True)
+    if overwrite:
+        _delete_run(job.out)
     if path.is_file():
         found = read_document(path)
         recipes = found.get("recipe", {}), job.recipe.to_document()
         refuse_other_run(found["identity"], identity, where=job.out, recipes=recipes)
-        return
+        return False
     write_split(job.out / SPLIT_FILE, job.split)
     document = {
         "civil_rgbd_run": 1,
@@ -209,6 +214,19 @@ def _prepare_folder(
         "software": {"civil_rgbd": version("civil-rgbd"), "torch": str(torch.__version__)},
     }
     write_text(path, document_text(document))
+    return True
+
+
+def _is_begun(out: Path) -> bool:
+    """Tell whether a run has anything to lose."""
+    return any((out / name).exists() for name in (MODEL_FILE, CHECKPOINT)) or bool(read_steps(out))
+
+
+def _delete_run(out: Path) -> None:
+    with writing(out):
+        for name in _OWN_FILES:
+            (out / name).unlink(missing_ok=True)
+        shutil.rmtree(out / BOARD, ignore_errors=True)
 
 
 def _begun(

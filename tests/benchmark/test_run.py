@@ -265,8 +265,10 @@ def test_two_at_a_time_give_the_same_table(job: BenchmarkJob, tmp_path: Path) ->
 
 def test_other_numbers_in_the_same_folder_are_refused(job: BenchmarkJob) -> None:
     other = replace(job, settings=(*job.settings, "run.batch=2"))
-    with pytest.raises(TrainingError, match=r"another run lies here: run\.batch 4 -> 2"):
+    with pytest.raises(TrainingError, match=r"another run lies here: run\.batch 4 -> 2") as caught:
         run_benchmark(other, QUIET)
+
+    assert "delete this folder" in caught.value.fix  # `benchmark` has no --overwrite
 
 
 @pytest.mark.parametrize(

@@ -152,6 +152,35 @@ def test_another_run_in_the_folder_is_refused_and_overwritten_on_request(
     assert report.steps_found == 0  # the same run, anew
 
 
+def test_a_run_that_never_began_leaves_its_folder_to_the_next(
+    learnable: Path, tmp_path: Path
+) -> None:
+    wrong = job(learnable, tmp_path / "run", "run.steps=1", "model_options.encoder=none")
+    with pytest.raises(UsageError, match="no encoder 'none'"):
+        train(wrong, QUIET)
+    (tmp_path / "cut.pt").write_bytes(b"PK")
+    cut = {"weights": tmp_path / "cut.pt"}
+    with (
+        pytest.warns(UserWarning, match="nobody wrote down"),
+        pytest.raises(FormatError, match="cannot be read as tensors"),
+    ):
+        train(job(learnable, tmp_path / "run", "run.steps=1", **cut), QUIET)
+    assert list((tmp_path / "run").iterdir()) == []
+
+    assert train(job(learnable, tmp_path / "run", "run.steps=1"), QUIET).steps == 1
+
+
+def test_a_run_that_began_keeps_its_folder(learnable: Path, tmp_path: Path) -> None:
+    def stop(_record: StepRecord, _steps: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(job(learnable, tmp_path / "run", "run.steps=3"), replace(QUIET, on_step=stop))
+    with pytest.raises(TrainingError, match=r"another run lies here: run\.steps 3 -> 2"):
+        train(job(learnable, tmp_path / "run", "run.steps=2"), QUIET)
+    assert len(read_steps(tmp_path / "run")) == 1
+
+
 def test_a_run_of_other_data_or_other_first_weights_is_another_run(
     tmp_path: Path, learnable: Path
 ) -> None:
@@ -295,6 +324,7 @@ def test_a_damaged_checkpoint_is_refused(learnable: Path, tmp_path: Path) -> Non
     (tmp_path / "run" / "checkpoint.pt").write_bytes(b"PK\x03\x04 cut off")
     with pytest.raises(FormatError, match="the checkpoint cannot be read"):
         train(job(learnable, tmp_path / "run", "run.steps=2"), QUIET)
+    assert (tmp_path / "run" / "checkpoint.pt").exists()  # whose it is, nobody here knows
 
 
 def test_a_set_without_a_measured_pixel_is_refused(tmp_path: Path) -> None:
