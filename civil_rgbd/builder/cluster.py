@@ -49,7 +49,8 @@ def connect(scheduler: str | None, *, workers: int, stack: ExitStack) -> Client:
                     memory_limit=None,
                     dashboard_address=None,
                     silence_logs=logging.CRITICAL,
-                    scheduler_kwargs={"allowed_failures": 0},
+                    # Without a dashboard there is a server still, at a port that others may have.
+                    scheduler_kwargs={"allowed_failures": 0, "dashboard_address": "127.0.0.1:0"},
                 )
             )
             return stack.enter_context(Client(cluster))

@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -343,3 +343,15 @@ def test_a_scheduler_out_of_reach_is_said_within_seconds(
         assert "tcp://HOST:8786" in caught.value.fix
     assert time.monotonic() - started < 30
     assert not (tmp_path / "out").exists()
+
+
+def test_a_local_cluster_leaves_the_port_of_dashboards_to_others() -> None:
+    with ExitStack() as stack:
+        holder = stack.enter_context(socket.socket())
+        with suppress(OSError):  # some other cluster of this machine holds it already
+            holder.bind(("127.0.0.1", 8787))
+            holder.listen()
+
+        client = connect(None, workers=1, stack=stack)  # a warning of Dask's would be an error
+
+        assert len(client.nthreads()) == 1
