@@ -13,6 +13,21 @@ from civil_rgbd.errors import MissingExtraError, StorageError
 _BY_SERVICE: Final = ("sso_session", "sso_start_url", "role_arn", "credential_process")
 """Keys of a profile whose credentials must be fetched."""
 
+_WHO: Final = (
+    "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE after `aws configure`; for a "
+    "public bucket set AWS_SKIP_SIGNATURE=true"
+)
+_GOOGLE: Final = (
+    "set GOOGLE_APPLICATION_CREDENTIALS to a key file, or run `gcloud auth application-default "
+    "login`; for a public bucket set GOOGLE_SKIP_SIGNATURE=true"
+)
+_AZURE: Final = (
+    "set AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY; for a public container set "
+    "AZURE_SKIP_SIGNATURE=true"
+)
+_WHO_ELSE: Final = {"gs": _GOOGLE, "gcs": _GOOGLE, "az": _AZURE, "abfs": _AZURE}
+"""By protocol: how to say who we are."""
+
 _OF_THE_MACHINE: Final = (
     "AWS_WEB_IDENTITY_TOKEN_FILE",
     "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
@@ -103,11 +118,11 @@ def _refuse_nobody(environment: Mapping[str, str]) -> None:
 
 def no_credentials(where: object) -> StorageError:
     """Compose the error for a process that is nobody."""
+    protocol = str(where).partition("://")[0]
     return StorageError(
         "there are no credentials for the object storage",
         where=where,
-        fix="set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE after `aws "
-        "configure`; for a public bucket set AWS_SKIP_SIGNATURE=true",
+        fix=_WHO_ELSE.get(protocol, _WHO),
     )
 
 

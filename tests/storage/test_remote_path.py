@@ -14,6 +14,7 @@ import pytest
 
 from civil_rgbd.errors import MissingExtraError, RecordingError, StorageError, UsageError
 from civil_rgbd.storage.client import ConditionError, ask
+from civil_rgbd.storage.credentials import no_credentials
 from civil_rgbd.storage.places import entries_of, files_below, place_of, remove_tree
 from civil_rgbd.storage.range_file import BLOCK_BYTES, KEPT_BLOCKS
 from civil_rgbd.storage.remote_path import RemotePath
@@ -194,6 +195,14 @@ def test_a_process_that_is_nobody_is_told_how_to_be_somebody(
     monkeypatch.setenv("AWS_PROFILE", "field")
     with pytest.raises(StorageError, match="no profile 'field'"):
         RemotePath("s3://raw-scans/scan.mcap").stat()
+
+
+@pytest.mark.parametrize(
+    ("protocol", "words"),
+    [("s3", "AWS_PROFILE"), ("gcs", "GOOGLE_APPLICATION_CREDENTIALS"), ("az", "AZURE_STORAGE_")],
+)
+def test_each_storage_has_credentials_of_its_own(protocol: str, words: str) -> None:
+    assert words in no_credentials(f"{protocol}://sets/kitchener").fix
 
 
 def test_a_profile_of_the_usual_files_is_used(
