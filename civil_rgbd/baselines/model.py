@@ -33,6 +33,9 @@ _FILE_MODULES: Final = "civil_rgbd_model_file_"
 
 _OURS: Final = "civil_rgbd."
 
+_ZOE: Final = ("zoe", "zoe-small")
+"""Models that stand on transformers, as ``transformers`` does."""
+
 MODEL_FILE: Final = "model.pt"
 """The file in a run folder that holds a trained model: its name, its options, its weights."""
 
@@ -173,11 +176,12 @@ def _loaded(point: EntryPoint) -> ModelFactory:
     try:
         return cast("ModelFactory", point.load())
     except ModuleNotFoundError as error:
-        raise _missing(error, where=f"model {point.name}") from error
+        raise _missing(error, where=f"model {point.name}", model=point.name) from error
 
 
-def _missing(error: ModuleNotFoundError, *, where: object) -> MissingExtraError:
-    extra = "zoe" if error.name == "transformers" else "train"
+def _missing(error: ModuleNotFoundError, *, where: object, model: str = "") -> MissingExtraError:
+    # Named at once, and not only when torch is there: nobody installs twice for one model.
+    extra = "zoe" if "transformers" in {error.name, model} or model in _ZOE else "train"
     ours = error.name in {"torch", "transformers"}
     return MissingExtraError(
         f"the model needs {error.name}, which is not installed",

@@ -70,6 +70,8 @@ def command(
 
     rules = rules_from(min_depth_m, max_depth_m, median_scaling=median_scaling)
     chosen = on_device(choose_model(model), device)
+    if not getattr(chosen, "is_trained", True):
+        click.echo(f"warning: {model} has random weights: its scores say nothing", err=True)
     split = choose_split(model, data, split_file=split_file, bridges=bridges)
     with frame_bar("evaluate") as on_progress:
         options = EvaluationOptions(rules=rules, flip=flip, on_progress=on_progress)

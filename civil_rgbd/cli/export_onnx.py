@@ -29,12 +29,14 @@ def command(location: str, path: Path, *, size: tuple[int, int], options: tuple[
     the model uses them; out comes depth_m (1, 1, HEIGHT, WIDTH) in metres.
     """
     from civil_rgbd.baselines import load_model
+    from civil_rgbd.cli.torch_needed import require_torch
     from civil_rgbd.errors import UsageError
 
-    model = load_model(location, **parsed_options(options))
+    require_torch("export-onnx", extra="onnx")
     from civil_rgbd.baselines.onnx_export import export_onnx
     from civil_rgbd.baselines.torch_model import TorchDepthModel
 
+    model = load_model(location, **parsed_options(options))
     if not isinstance(model, TorchDepthModel):
         raise UsageError(
             f"a {type(model).__name__} is not made of torch",

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 
-def require_torch(command: str) -> None:
+def require_torch(command: str, *, extra: str = "train") -> None:
     """Refuse a command that needs torch where it is not installed.
+
+    Args:
+        command: its name, for the message.
+        extra: what to install, which has all that the command needs.
 
     Raises:
         MissingExtraError: it is not.
@@ -17,5 +21,5 @@ def require_torch(command: str) -> None:
         raise MissingExtraError(
             f"`{command}` needs torch, and it cannot be imported: {error}",
             where=f"civil-rgbd {command}",
-            fix='pip install "civil-rgbd[train]"',
+            fix=f'pip install "civil-rgbd[{extra}]"',
         ) from error

@@ -165,9 +165,10 @@ def test_the_room_needs_no_torch_until_a_model_does() -> None:
     assert said.strip() == 'pip install "civil-rgbd[train]"'
 
 
-def test_zoedepth_without_transformers_names_the_extra() -> None:
+@pytest.mark.parametrize("package", ["transformers", "torch"])
+def test_zoedepth_without_what_it_needs_names_its_extra(package: str) -> None:
     said = run_without(
-        "transformers",
+        package,
         "from civil_rgbd.baselines import load_model\n"
         "from civil_rgbd.errors import MissingExtraError\n"
         "try:\n    load_model('zoe-small')\n"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -125,3 +127,21 @@ def test_only_networks_of_torch_become_onnx(
 
     assert "a StoredPredictions is not made of torch" in capsys.readouterr().err
     assert not (folder / "model.onnx").exists()
+
+
+NO_TORCH = """
+import sys
+sys.modules["torch"] = None  # any import of it fails
+from civil_rgbd.cli import main
+sys.exit(main(["export-onnx", "predictions:photos", "model.onnx"]))
+"""
+
+
+def test_export_without_torch_says_what_to_install(folder: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", NO_TORCH], cwd=folder, capture_output=True, text=True, check=False
+    )
+
+    assert done.returncode == 2
+    assert 'pip install "civil-rgbd[onnx]"' in done.stderr
+    assert "Traceback" not in done.stderr

@@ -76,6 +76,16 @@ def test_scoring_takes_place_on_the_device_that_is_asked_for(
         assert "there is no device 'nonsense'" in capsys.readouterr().err
 
 
+def test_random_weights_are_scored_with_a_warning(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--data", str(data), "--bridge", "B3", "--out", str(tmp_path / "results")]
+
+    assert main(["evaluate", "bts-small", *words]) == 0
+
+    assert "bts-small has random weights: its scores say nothing" in capsys.readouterr().err
+
+
 def test_the_same_command_again_finds_the_run_done(
     data: Path, run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
