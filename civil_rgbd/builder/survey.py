@@ -12,6 +12,7 @@ from typing import Any, Final
 from civil_rgbd.errors import UsageError
 from civil_rgbd.format.documents import counted_faults, schema_faults
 from civil_rgbd.resources import load_schema, nearest
+from civil_rgbd.storage.places import is_remote, place_of
 
 _FILES: Final = (
     "bridge_info",
@@ -59,10 +60,18 @@ def read_survey(path: Path) -> tuple[SurveyEntry, ...]:
         path: the file; paths in it are relative to its folder.
 
     Raises:
-        UsageError: the file is missing or no TOML, a key is unknown or does not fit, two bridges
-            have one id, files are missing (all of them are listed), or a bridge has more or fewer
-            hashes than files.
+        UsageError: the file is missing, no TOML or on object storage, a key is unknown or does not
+            fit, two bridges have one id, files are missing (all of them are listed), or a bridge
+            has more or fewer hashes than files.
     """
+    url = place_of(path)
+    if is_remote(url):
+        raise UsageError(
+            "the survey lies on object storage: it is read from this machine",
+            where=url,
+            fix=f"fetch it: `aws s3 cp {url} .`; the recordings that it names may stay there, by "
+            "their URLs",
+        )
     try:
         document = tomllib.loads(path.read_bytes().decode("utf-8"))
     except OSError as error:

@@ -102,7 +102,8 @@ def command(  # the options of a build are many: most are handed on as they are
     is_survey = _is_survey(sources)
     if is_survey:
         refuse_beside_survey(context, ["bridge_info", "licence", "rig_path", *recording_options])
-        file = Path(sources[0]).absolute() if elsewhere else Path(sources[0])
+        file = Path(sources[0])
+        file = file.absolute() if elsewhere and file.exists() else file
         orders = orders_of_survey(file, only=bridge_id, hashed=not no_source_hash)
     else:
         info = _info(sources, bridge_id, folder, bridge_info=bridge_info, licence=licence)

@@ -241,6 +241,25 @@ def test_verify_says_what_it_needs(
     assert "fix:" in said
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["build", "--out", "OUT", "s3://raw-scans/survey.toml"],
+        ["build", "--executor", "dask", "--out", "OUT", "s3://raw-scans/survey.toml"],
+        ["verify", "BUILT", "--rebuild", "2", "--survey", "s3://raw-scans/survey.toml"],
+    ],
+)
+def test_a_survey_on_object_storage_is_to_be_fetched(
+    arguments: list[str], built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    places = {"OUT": str(tmp_path / "out"), "BUILT": str(built)}
+
+    assert main([places.get(word, word) for word in arguments]) == 2
+
+    assert "aws s3 cp s3://raw-scans/survey.toml ." in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("within", ["", "/metadata.yaml"])
 def test_verify_finds_whose_folder_a_source_is(
     within: str, survey: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
