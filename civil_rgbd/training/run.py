@@ -120,7 +120,8 @@ def train(job: TrainingJob, options: TrainingOptions | None = None) -> TrainingR
 
     Raises:
         UsageError: a bridge, frame, model or device is not there, or there is nothing to learn.
-        TrainingError: another run lies in the folder, or the loss is not finite.
+        TrainingError: another run lies in the folder, the loss is not finite, or there was no pixel
+            to learn from.
         FormatError: a file is damaged.
         OutputError: the folder cannot be written.
         MissingExtraError: a package is missing.
@@ -306,6 +307,8 @@ def _run(
             if journal is not None:
                 journal.add(record)
                 options.on_step(record, loop.steps)
+                if record.step == min(order.steps_of(1), loop.steps):
+                    _refuse_nothing_learnt(job)
             if record.step % every == 0 or record.step == loop.steps:
                 state = loop.state()
                 if processes.is_first:
@@ -313,6 +316,23 @@ def _run(
     finally:
         if journal is not None:
             journal.close()
+
+
+def _refuse_nothing_learnt(job: TrainingJob) -> None:
+    """Refuse to go on after an epoch without a pixel: the index, asked before, knows ranges only.
+
+    Raises:
+        TrainingError: it is so.
+    """
+    if not any(record.valid_pixels for record in read_steps(job.out)):
+        low, high = job.recipe.input.min_depth_m, job.recipe.input.max_depth_m
+        raise TrainingError(
+            f"nothing was learnt: in a whole epoch no pixel was measured between {low:g} and "
+            f"{high:g} m",
+            where=job.data,
+            fix="look at the depth: `civil-rgbd validate`; or widen input.min_depth_m and "
+            "input.max_depth_m",
+        )
 
 
 def _finish(

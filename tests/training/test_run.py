@@ -335,6 +335,25 @@ def test_a_set_without_a_measured_pixel_is_refused(tmp_path: Path) -> None:
         train(job(tmp_path / "data", tmp_path / "run", "run.steps=2", split=split), QUIET)
 
 
+def test_an_epoch_without_a_pixel_in_range_is_refused(tmp_path: Path) -> None:
+    for bridge in (1, 2, 3):
+        frame = learnable_frame(bridge, 0)
+        # The index says 2 to 50 m; nothing lies between 20 and 40.
+        around = np.where(frame.depth_m > 10, np.float32(50), frame.depth_m.clip(0, 2))
+        frames = [
+            replace(frame, depth_m=around),
+            replace(learnable_frame(bridge, 1), depth_m=around),
+        ]
+        write_bridge(tmp_path / "data" / "bridges" / f"B{bridge}", frames)
+    split = Split(train={"B1": ids(0, 1), "B2": ids(0, 1)}, tests={"all": {"B3": ids(0, 1)}})
+    settings = ("run.steps=50", "input.min_depth_m=20", "input.max_depth_m=40")
+    with pytest.raises(TrainingError, match="no pixel was measured between 20 and 40 m"):
+        train(job(tmp_path / "data", tmp_path / "run", *settings, split=split), QUIET)
+
+    assert not (tmp_path / "run" / "model.pt").exists()
+    assert len(read_steps(tmp_path / "run")) == 1  # an epoch, a batch
+
+
 def test_what_is_not_there_is_refused(learnable: Path, tmp_path: Path) -> None:
     wanted = job(learnable, tmp_path / "run", "run.steps=2")
     with pytest.raises(UsageError, match="there is no such model: 'bts-smal'"):
