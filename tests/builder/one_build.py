@@ -38,7 +38,7 @@ if __name__ == "__main__":
     if how == "parts":
         for number in (1, 2, 3):
             build(where, "serial", 1, Share(number, 3))
-        for outcome in finish_bridges(where).outcomes if (where / ".partial/B9").exists() else ():
+        for outcome in finish_bridges(where).outcomes:
             if outcome.error:
                 raise outcome.error
     else:
