@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import os
 import pickle
 import struct
 import warnings
@@ -18,7 +17,8 @@ import torch
 from torch import Tensor
 
 from civil_rgbd.baselines.torch_model import TorchDepthModel
-from civil_rgbd.errors import FormatError, MissingExtraError, OutputError, UsageError
+from civil_rgbd.errors import FormatError, MissingExtraError, UsageError
+from civil_rgbd.storage.whole_files import whole_file
 
 FILE_VERSION: Final = 1
 """Of what :func:`save_model` writes."""
@@ -73,21 +73,24 @@ def save_model(model: TorchDepthModel, path: Path) -> None:
         "options": dict(model.options),
         "weights": {key: value.cpu() for key, value in model.network.state_dict().items()},
     }
-    scratch = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        with scratch.open("wb") as stream:
-            torch.save(document, stream)
-            stream.flush()
-            os.fsync(stream.fileno())
-        scratch.replace(path)
-    except (OSError, RuntimeError) as error:  # torch reports a full disk as RuntimeError
-        raise OutputError(
-            f"cannot write the model: {error}",
-            where=path,
-            fix="free some space, or make the folder writable, or write elsewhere",
-        ) from error
-    finally:
-        scratch.unlink(missing_ok=True)
+    write_tensors(path, document)
+
+
+def write_tensors(path: Path, document: Mapping[str, Any]) -> None:
+    """Write tensors, numbers, words, and dictionaries and lists of these: whole or not at all.
+
+    Args:
+        path: the file to make; its folder exists.
+        document: for :func:`read_tensors`.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    with whole_file(path) as scratch, scratch.open("wb") as stream:
+        try:
+            torch.save(dict(document), stream)
+        except RuntimeError as error:  # torch's word for a full disk
+            raise OSError(str(error)) from error
 
 
 def read_model_file(path: Path) -> SavedModel:

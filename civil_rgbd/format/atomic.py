@@ -7,7 +7,6 @@ import errno
 import os
 import platform
 import random
-import secrets
 import shutil
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -17,10 +16,20 @@ from pathlib import Path
 from typing import Final
 
 from civil_rgbd.errors import OutputError
-from civil_rgbd.format.remote_folders import whole_object
 from civil_rgbd.storage.lease import leased
 from civil_rgbd.storage.places import Place
 from civil_rgbd.storage.remote_path import RemotePath
+from civil_rgbd.storage.whole_files import sync_one, whole_file, writing
+
+__all__ = [
+    "folder_lock",
+    "publish_folder",
+    "recover_folder",
+    "sync_files",
+    "sync_tree",
+    "whole_file",  # of the storage room, which rooms beside this one know as well
+    "writing",
+]
 
 _POLL_S: Final = 0.05
 _SYNCED_AT_ONCE: Final = 16  # journals commit together what waits together: 3 to 4 times faster
@@ -30,73 +39,9 @@ _LOCKED_BYTE: Final = 1 << 30  # beyond the holder's note: Windows forbids readi
 _held: set[tuple[int, str]] = set()  # (process, lock file): POSIX locks do not bar their own holder
 
 
-@contextmanager
-def writing(where: object) -> Iterator[None]:
-    """Turn the system's refusals to write inside the block into OutputErrors.
-
-    Args:
-        where: the file or folder that is written, for the message.
-
-    Raises:
-        OutputError: the disk is full, the folder is not writable, or the like.
-    """
-    try:
-        yield
-    except OSError as error:
-        raise OutputError(
-            f"cannot write: {error.strerror or error}",
-            where=where,
-            fix="free some space, or make the folder writable, or write elsewhere",
-        ) from error
-
-
-@contextmanager
-def whole_file(path: Place, *, sync: bool = True) -> Iterator[Path]:
-    """Give a scratch path to write to; it becomes ``path`` only if the block succeeds.
-
-    Args:
-        path: the file to make; its folder exists. May lie on object storage.
-        sync: bring the bytes to the disk before the rename; without it the caller syncs later.
-
-    Raises:
-        OutputError: the system refuses to write.
-    """
-    if isinstance(path, RemotePath):
-        with writing(path), whole_object(path) as scratch:
-            yield scratch
-        return
-    # Not the process id: two containers that write to one file system may both be process 1.
-    scratch = path.with_name(f".{path.name}.{secrets.randbelow(10**12)}.partial")
-    with writing(path):
-        try:
-            yield scratch
-            if sync:
-                _sync(scratch)
-            scratch.replace(path)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                scratch.unlink(missing_ok=True)
-            raise
-        if sync:
-            _sync(path.parent)
-
-
-def _sync(path: Path) -> None:
-    """Bring a file or folder to the disk; folders only where the system lets one open them."""
-    # Windows flushes only handles that may write, and opens no folders at all.
-    flags = os.O_RDWR if os.name == "nt" else os.O_RDONLY
-    if os.name == "nt" and path.is_dir():
-        return
-    handle = os.open(path, flags)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
 def _sync_all(files: Sequence[Path]) -> None:
     with ThreadPoolExecutor(max(1, min(_SYNCED_AT_ONCE, len(files)))) as pool:
-        for _ in pool.map(_sync, files):
+        for _ in pool.map(sync_one, files):
             pass  # raises what one of them raised
 
 
@@ -112,7 +57,7 @@ def sync_tree(folder: Place) -> None:
         below = list(os.walk(folder, topdown=False))
         _sync_all([Path(root, name) for root, _, names in below for name in names])
         for root, _, _ in below:
-            _sync(Path(root))
+            sync_one(Path(root))
 
 
 def sync_files(folder: Place, paths: Iterable[str]) -> None:
@@ -131,7 +76,7 @@ def sync_files(folder: Place, paths: Iterable[str]) -> None:
     with writing(folder):
         _sync_all(files)
         for path in [*sorted({path.parent for path in files}), folder]:
-            _sync(path)
+            sync_one(path)
 
 
 def _aside(destination: Path) -> Path:
@@ -189,8 +134,8 @@ def publish_folder(partial: Path, destination: Path, *, replace: bool) -> None:
             if aside.exists():
                 aside.rename(destination)
             raise
-        _sync(destination.parent)
-        _sync(partial.parent)
+        sync_one(destination.parent)
+        sync_one(partial.parent)
         if aside.exists():
             shutil.rmtree(aside)
 

@@ -6,36 +6,11 @@ for; copies are made within the storage, so that what a build made over hours do
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable
 
 from civil_rgbd.errors import OutputError
 from civil_rgbd.storage.lease import refuse_lost_leases
 from civil_rgbd.storage.remote_path import RemotePath, each_at_once
-
-
-@contextmanager
-def whole_object(path: RemotePath) -> Iterator[Path]:
-    """Give a scratch file on this machine; it becomes the object only if the block succeeds.
-
-    Raises:
-        OutputError: the scratch file cannot be written.
-        StorageError: the storage cannot be reached, or refuses.
-    """
-    try:
-        with tempfile.TemporaryDirectory(prefix="civil_rgbd_") as folder:
-            scratch = Path(folder) / path.name
-            yield scratch
-            data = scratch.read_bytes()
-    except OSError as error:
-        raise OutputError(
-            f"cannot write a file on its way to {path}: {error.strerror or error}",
-            where=tempfile.tempdir or "TMPDIR",
-            fix="free some space there, or set TMPDIR to another folder of this machine",
-        ) from error
-    path.write_bytes(data)
 
 
 def publish_objects(

@@ -11,29 +11,11 @@ from torch import Tensor, distributed
 
 from civil_rgbd.baselines.checkpoints import UNREADABLE, damage_of
 from civil_rgbd.errors import FormatError, TrainingError
-from civil_rgbd.format.atomic import whole_file
 
 CHECKPOINT: Final = "checkpoint.pt"
 """Name of the file in a run folder."""
 
 _HASH_DIGITS: Final = 64
-
-
-def write_checkpoint(path: Path, state: Mapping[str, Any]) -> None:
-    """Write a checkpoint, whole or not at all.
-
-    Args:
-        path: the file to make; its folder exists.
-        state: tensors, numbers, words, and dictionaries and lists of these.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    with whole_file(path) as scratch, scratch.open("wb") as stream:
-        try:
-            torch.save(dict(state), stream)
-        except RuntimeError as error:  # torch's word for a full disk
-            raise OSError(str(error)) from error
 
 
 def read_checkpoint(path: Path, *, identity: Mapping[str, Any]) -> dict[str, Any] | None:

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import torch
 
-from civil_rgbd.baselines.checkpoints import load_weights, save_model
+from civil_rgbd.baselines.checkpoints import load_weights, save_model, write_tensors
 from civil_rgbd.baselines.imagenet import load_encoder_weights
 from civil_rgbd.baselines.model import ENTRY_POINT_GROUP, MODEL_FILE, load_model, model_names
 from civil_rgbd.baselines.torch_model import TorchDepthModel
@@ -26,7 +26,6 @@ from civil_rgbd.training.checkpoint import (
     CHECKPOINT,
     read_checkpoint,
     refuse_other_run,
-    write_checkpoint,
 )
 from civil_rgbd.training.frames import TrainingFrames, load_batches
 from civil_rgbd.training.identity import (
@@ -312,7 +311,7 @@ def _run(
             if record.step % every == 0 or record.step == loop.steps:
                 state = loop.state()
                 if processes.is_first:
-                    write_checkpoint(job.out / CHECKPOINT, state | {"identity": identity})
+                    write_tensors(job.out / CHECKPOINT, state | {"identity": identity})
     finally:
         if journal is not None:
             journal.close()
