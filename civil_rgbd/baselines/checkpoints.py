@@ -33,6 +33,8 @@ _SHOWN: Final = 6
 
 _OPTION_LETTERS: Final = 60
 
+_ADVICE: Final = ("weights_only", "Weights only", "torch.load")
+
 UNREADABLE: Final = (
     *(RuntimeError, EOFError, BadZipFile, pickle.UnpicklingError, ValueError),
     *(LookupError, TypeError, AttributeError, AssertionError, OverflowError, struct.error),
@@ -126,17 +128,19 @@ def read_model_file(path: Path) -> SavedModel:
 
 
 def damage_of(error: BaseException) -> str:
-    """Say in one line what is wrong with a file, from what its reader raised.
+    """Say in a sentence what is wrong with a file, from what its reader raised.
 
     >>> damage_of(KeyError(101)), damage_of(EOFError())
     ('KeyError: 101', 'EOFError')
     """
-    said = str(error).strip()
     name = type(error).__name__
-    if not said:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    # torch wraps what it found in its advice to read the file unsafely.
+    found = [line for line in lines if not any(words in line for words in _ADVICE)]
+    if not found:
         return name
-    line = said.splitlines()[0][:200]
-    return f"{name}: {line}" if isinstance(error, LookupError) else line
+    said = found[0].removeprefix("WeightsUnpickler error: ").partition(". ")[0][:200]
+    return f"{name}: {said}" if isinstance(error, LookupError) else said
 
 
 def load_weights(model: TorchDepthModel, path: Path) -> None:
