@@ -33,7 +33,8 @@ def command(
     Every file is proved first. On a disk it is read back and compared with its hash; on object
     storage size and ETag of every object are compared with what its upload was answered with, and
     those that differ are read and hashed. No recording is needed. Exit code 1 when parts are
-    missing or damaged: they are named, and nothing of their bridge appears.
+    missing or damaged: they are named, and nothing of their bridge appears. Killed or run twice, it
+    finds what is whole already.
     """
     from civil_rgbd.builder.finish import finish_bridges
 
