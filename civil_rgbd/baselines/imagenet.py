@@ -92,6 +92,8 @@ def _fetched(file: str | None) -> Mapping[str, Tensor]:
         raise DownloadError(
             f"cannot fetch ImageNet weights: {error}",
             where=_ADDRESS + file,
-            fix="check the network, or fetch the file elsewhere and give its path",
+            fix="check the network, or fetch the file elsewhere and put it into "
+            f"{Path(torch.hub.get_dir()) / 'checkpoints'}, where it is looked for first "
+            "(`train` also takes it by --imagenet)",
         ) from error
     return fetched

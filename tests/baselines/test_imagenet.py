@@ -108,6 +108,15 @@ def test_without_a_network_the_error_names_the_file(
         load_encoder_weights(TappedEncoder("mobilenetv2"))
     assert caught.value.where.endswith("mobilenet_v2-b0353104.pth")
 
+    kept = tmp_path / "cache" / "checkpoints"
+    assert f"put it into {kept}" in caught.value.fix
+    kept.mkdir(parents=True, exist_ok=True)
+    fresh, other = TappedEncoder("mobilenetv2"), TappedEncoder("mobilenetv2")
+    torch.save(other.base_model.state_dict(), kept / "mobilenet_v2-b0353104.pth")
+    load_encoder_weights(fresh)  # as the fix says
+    name = "0.0.weight"
+    assert torch.equal(fresh.base_model.get_parameter(name), other.base_model.get_parameter(name))
+
 
 def test_the_small_encoder_has_none() -> None:
     with pytest.raises(UsageError, match="nobody published"):
