@@ -156,7 +156,8 @@ def _take(lock: RemotePath, mine: RemotePath, path: RemotePath, *, patient: bool
 
 
 def _refuse_or_wait(other: _Other, path: RemotePath, *, patient: bool) -> None:
-    if not patient and other.age_s < 2 * BEAT_S:
+    # Between the two it may be dead, and will be anybody's soon. Who lives on beyond is stopped.
+    if not patient and not 2 * BEAT_S <= other.age_s <= LEASE_S:
         raise _busy(path, other.holder)
     time.sleep(_POLL_S)
 
@@ -191,7 +192,8 @@ def _look(lock: RemotePath) -> _Other | None:
     note = note if isinstance(note, dict) else {}  # not ours, or cut
     age_s = _server_time_s(lock) - stat.st_mtime_ns / 1e9
     dead = age_s > LEASE_S
-    if note.get("machine") == _machine():
+    # What this very process left behind, for the storage was out of reach, dies by its age alone.
+    if note.get("machine") == _machine() and note.get("process") != os.getpid():
         dead = _started(note.get("process", 0)) != note.get("started")
     return _Other(lock, str(note.get("holder", "another process")), stat.etag, age_s, dead)
 

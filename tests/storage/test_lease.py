@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -99,6 +100,39 @@ def test_a_lock_from_elsewhere_holds_until_nobody_renews_it(
     started = time.monotonic()
     with leased(folder, wait_s=1.5):
         assert time.monotonic() - started < 8
+        refuse_lost_leases()
+    assert files_below(bucket) == {}
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="processes cannot be stopped here")
+def test_a_stopped_holder_of_this_machine_is_named_and_not_waited_for(
+    bucket: RemotePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = bucket / "set/B1"
+    other = held_elsewhere(folder)
+    monkeypatch.setattr(lease, "LEASE_S", 1.5)
+    monkeypatch.setattr(lease, "BEAT_S", 0.4)
+    try:
+        other.send_signal(signal.SIGSTOP)
+        time.sleep(3.0)  # longer than a lease; the server counts whole seconds
+        with (
+            pytest.raises(OutputError, match=f"process {other.pid} on .* is writing"),
+            leased(folder),
+        ):
+            pass
+    finally:
+        end(other)
+
+
+def test_what_this_process_left_behind_dies_as_any_other_lock(
+    bucket: RemotePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = bucket / "set/B1"
+    monkeypatch.setattr(lease, "LEASE_S", 1.5)
+    monkeypatch.setattr(lease, "BEAT_S", 0.4)
+    ask("write_on", (bucket / "set/.B1.lock").url, lease._note(), None)
+
+    with leased(folder, wait_s=10.0):
         refuse_lost_leases()
     assert files_below(bucket) == {}
 
