@@ -281,8 +281,8 @@ def test_a_worker_of_another_commit_than_the_manifest_claims_differs(
     assert differences(theirs | {cluster_probe.COMMIT: None}, theirs) == [
         "civil-rgbd of commit unknown (here abc-dirty)"
     ]
-    assert differences(theirs, theirs | {cluster_probe.COMMIT: "abd"}) == [
-        "civil-rgbd of commit abc-dirty (here abd)"
+    assert differences(theirs, theirs | {cluster_probe.COMMIT: "def"}) == [
+        "civil-rgbd of commit abc-dirty (here def)"
     ]
 
 
