@@ -48,6 +48,7 @@ def command(location: str, path: Path, *, size: tuple[int, int], options: tuple[
     width_px, height_px = size
     done = export_onnx(model, path, height_px=height_px, width_px=width_px)
     print(
-        f"{done.path}: {done.bytes / 1e6:.1f} MB; onnxruntime and torch differ by at most "
-        f"{done.largest_difference:.1e} of the depth"
+        f"{done.path}: {done.bytes / 1e6:.1f} MB; on a random picture onnxruntime and torch differ "
+        f"by {done.usual_difference:.0e} of the depth in 99 of 100 pixels, at most by "
+        f"{done.largest_difference:.0e}"
     )
