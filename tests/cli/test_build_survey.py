@@ -184,6 +184,14 @@ def test_parts_of_a_survey_are_joined(
     assert main(["finish", str(tmp_path)]) == 0
 
     assert files(tmp_path) == files(built)
+    # A job that is put into the queue again finds it done.
+    assert main(["finish", str(tmp_path)]) == 0
+    assert files(tmp_path) == files(built)
+
+
+def test_nothing_is_joined_where_no_part_was_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["finish", str(tmp_path)]) == 2
     assert "no unfinished bridge" in capsys.readouterr().err
 
