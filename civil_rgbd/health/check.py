@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -33,6 +35,10 @@ from civil_rgbd.health.views import Views, viewer_of
 
 _NO_POSES = "the recording has no poses yet"
 _OF_POSES = ("pose-rate", "pose-gap", "pose-jump", "pose-jerk")
+
+Seen = list[tuple[Stretch, tuple[Pair, ...]]]
+Task = Callable[["CheckInput"], Iterator[Figure]]
+
 _GAIN = 1.05
 """A turn that hardly makes edges meet better is no finding."""
 
@@ -64,43 +70,46 @@ def check_recording(given: CheckInput, recipe: Recipe) -> tuple[Figure, ...]:
     # A recording that can be sent to a worker opens its files there anew: so does a copy of it,
     # which may then be read beside the first. Decoding and numpy let go of the interpreter.
     other = replace(given, recording=pickle.loads(pickle.dumps(given.recording)))  # noqa: S301  # our own
+    views = Views(given.recording)
     with ThreadPoolExecutor(1) as thread:
-        second = _Second(thread, other)
-        stretches = _stretches(given, second) if given.posed else ()
-        pairs, views = _pairs(given, second, stretches)
-        beside = thread.submit(lambda: [*_pictures(other), *_coverage(other, recipe)])
-        drift = thread.submit(_drift, given, stretches)
+        seen = _seen(given, other, views, thread) if given.posed else []
+        stretches = tuple(stretch for stretch, _ in seen)
+        pairs = tuple(pair for _, followed in seen for pair in followed)
+        # What needs nothing of the others: done by whoever has time, main thread or second.
+        left: deque[Task] = deque(
+            (_pictures, partial(_drift, stretches), partial(_coverage, recipe))
+        )
+        there = thread.submit(_work_off, left, other)
         figures = [*_rates(given), *_poses(given), *_mounting(given, stretches, pairs, views)]
-        figures += [*beside.result(), drift.result()]
+        figures += [*_work_off(left, given), *there.result()]
     place = {code: number for number, code in enumerate(CHECKS)}
     return tuple(sorted(figures, key=lambda figure: place[figure.code]))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Second:
-    """Another thread, and a copy of the recording that is its own."""
+def _work_off(left: deque[Task], given: CheckInput) -> list[Figure]:
+    figures: list[Figure] = []
+    while True:
+        try:
+            task = left.popleft()
+        except IndexError:
+            return figures
+        figures += task(given)
 
-    thread: ThreadPoolExecutor
-    given: CheckInput
 
-
-def _stretches(given: CheckInput, second: _Second) -> tuple[Stretch, ...]:
-    """Read every other stretch in the second thread."""
+def _seen(given: CheckInput, other: CheckInput, views: Views, thread: ThreadPoolExecutor) -> Seen:
+    """Read the stretches, and follow their features; every other one in the second thread."""
     starts = stretch_starts(given.recording)
-    there = second.thread.submit(lambda: [*stretches_of(second.given.recording, starts[1::2])])
-    here = [*stretches_of(given.recording, starts[::2])]
-    return tuple(sorted((*here, *there.result()), key=lambda stretch: stretch.start_ns))
+    there = thread.submit(_seen_from, other.recording, starts[1::2], views.through(other.recording))
+    here = _seen_from(given.recording, starts[::2], views)
+    return sorted((*here, *there.result()), key=lambda seen: seen[0].start_ns)
 
 
-def _pairs(
-    given: CheckInput, second: _Second, stretches: tuple[Stretch, ...]
-) -> tuple[tuple[Pair, ...], Views]:
-    """Follow the features of every other stretch in the second thread."""
-    views, other = Views(given.recording), second.given.recording
-    there = second.thread.submit(pairs_of, other, stretches[1::2], views.through(other))
-    here = pairs_of(given.recording, stretches[::2], views)
-    every = sorted((*here, *there.result()), key=lambda pair: pair.stretch.start_ns)
-    return tuple(every), views
+def _seen_from(recording: Recording, starts: Sequence[int], views: Views) -> Seen:
+    # One by one: a stretch's images lie in the chunks that were just read for its points.
+    return [
+        (stretch, pairs_of(recording, (stretch,), views))
+        for stretch in stretches_of(recording, starts)
+    ]
 
 
 def _rates(given: CheckInput) -> Iterator[Figure]:
@@ -132,8 +141,8 @@ def _poses(given: CheckInput) -> Iterator[Figure]:
     yield from jump_figures(given.recording.trajectory)
 
 
-def _drift(given: CheckInput, stretches: tuple[Stretch, ...]) -> Figure:
-    return drift_figure(stretches) if given.posed else Figure("pose-drift", None, _NO_POSES)
+def _drift(stretches: Sequence[Stretch], given: CheckInput) -> Iterator[Figure]:
+    yield drift_figure(stretches) if given.posed else Figure("pose-drift", None, _NO_POSES)
 
 
 def _mounting(
@@ -212,7 +221,7 @@ def _inverted(recording: Recording) -> Figure:
     return Figure("rig-inverted", float(report.verdict == "inverse"), said)
 
 
-def _coverage(given: CheckInput, recipe: Recipe) -> Iterator[Figure]:
+def _coverage(recipe: Recipe, given: CheckInput) -> Iterator[Figure]:
     if given.posed:
         yield from coverage_figures(given.recording, recipe)
     else:
