@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.simulator.scene import SKY, Face, RayCaster, Scene, dots, unit_normals
+from civil_rgbd.simulator.scene import SKY, THREADS, Face, RayCaster, Scene, dots, unit_normals
 from civil_rgbd.simulator.texture import MATERIALS
 from civil_rgbd.simulator.waves import cosine, sine
 
@@ -138,16 +139,20 @@ def _grids(
     axes: FaceAxes, cells: NDArray[np.int64], faces: NDArray[np.intp], *, inset: bool
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """Return of every grid point its face (N,), and u, v, row, column (N, 4)."""
-    owners, places = [], []
-    for i in faces:
-        # Off the edge a little, so that no ray slips out below the face that meets it there.
-        edge = np.minimum(_INSET_M, (axes.high_m[i] - axes.low_m[i]) / 8) * inset
-        low, high = axes.low_m[i] + edge, axes.high_m[i] - edge
-        u, v = (np.linspace(low[k], high[k], cells[i, k]) for k in (0, 1))
-        uu, vv = (grid.ravel() for grid in np.meshgrid(u, v))
-        places.append(np.stack([uu, vv, *np.divmod(np.arange(len(uu)), cells[i, 0])], axis=1))
-        owners.append(np.full(len(uu), i))
-    return np.concatenate(owners), np.concatenate(places)
+    # Off the edge a little, so that no ray slips out below the face that meets it there.
+    edge = np.minimum(_INSET_M, (axes.high_m - axes.low_m) / 8) * inset
+    low, high = axes.low_m + edge, axes.high_m - edge
+    owner = np.repeat(faces, cells[faces].prod(axis=1))
+    begins = np.cumsum([0, *cells[faces].prod(axis=1)])[:-1]
+    count = np.arange(len(owner)) - np.repeat(begins, cells[faces].prod(axis=1))
+    row, column = np.divmod(count, cells[owner, 0])
+    steps = (high - low) / (cells - 1)
+    spread = []
+    for k, at in enumerate((column, row)):
+        # As np.linspace sums it, to the last bit.
+        inner = at * steps[owner, k] + low[owner, k]
+        spread.append(np.where(at == cells[owner, k] - 1, high[owner, k], inner))
+    return owner, np.stack([*spread, row, column], axis=1)
 
 
 def _on_faces(
@@ -195,18 +200,23 @@ def _gathered(
     )
     origins = points_m.astype(np.float32)
     total = np.zeros(len(points_m), dtype=np.float32)
-    for direction in _sphere(_RAYS):
+
+    def found(direction: NDArray[np.float64]) -> NDArray[np.float32]:
         # A unit normal plus a point on the unit sphere: directions weighted by the cosine.
         d = (normals + direction).astype(np.float32)
         hit = caster.nearest(origins, d)
-        found = np.where(hit == SKY, np.float32(1.0), 0)
+        light = np.where(hit == SKY, np.float32(1.0), 0)
         seen = np.flatnonzero(hit != SKY)
         n, k = scene.normals[hit[seen]], hit[seen]
         t = (scene.offsets_m[k] - dots(n, points_m[seen])) / dots(n, d[seen])
         spot = points_m[seen] + t[:, np.newaxis] * d[seen] + _LIFT_M * n
         in_sun = (sunlit[k] > 0) & ~caster.blocked(spot.astype(np.float32), sun.astype(np.float32))
-        found[seen] = albedo[k] * (sunlit[k] * in_sun + np.float32(_GROUND_AMBIENT))
-        total += found
+        light[seen] = albedo[k] * (sunlit[k] * in_sun + np.float32(_GROUND_AMBIENT))
+        return light
+
+    with ThreadPoolExecutor(THREADS) as threads:
+        for light in threads.map(found, _sphere(_RAYS)):  # in order: sums of floats depend on it
+            total += light
     return total / np.float32(_RAYS)
 
 

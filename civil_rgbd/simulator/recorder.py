@@ -15,7 +15,8 @@ import numpy as np
 
 from civil_rgbd.errors import OutputError, UsageError
 from civil_rgbd.simulator.bag_file import write_bag
-from civil_rgbd.simulator.camera import raw_camera, simulate_jpeg
+from civil_rgbd.simulator.camera import lens_rays, raw_camera, simulate_jpeg
+from civil_rgbd.simulator.catalogue import painter_for
 from civil_rgbd.simulator.drift import recorded_imu_poses
 from civil_rgbd.simulator.encodings import CdrMessage, Encoding, Ros1Message
 from civil_rgbd.simulator.imu import recorded_imu
@@ -37,6 +38,7 @@ from civil_rgbd.simulator.recording import (
     MAP_FRAME,
     stated_image_stamps_ns,
 )
+from civil_rgbd.simulator.scene import THREADS
 from civil_rgbd.simulator.spec import ScanSpec
 from civil_rgbd.simulator.walk import (
     START_NS,
@@ -77,7 +79,6 @@ _WRITERS: Final[dict[str, tuple[_Writer, New]]] = {
     ".bag": (write_bag, Ros1Message),
 }
 _IMAGE_DELAY_NS: Final = 12_000_000  # from exposure to the recorder's disk
-_THREADS: Final = min(2, os.cpu_count() or 1)
 
 
 def write_recording(
@@ -202,10 +203,14 @@ def _images(spec: ScanSpec, new: New, progress: Progress) -> Iterator[Message]:
 
 
 def _jpegs(spec: ScanSpec, count: int) -> Iterator[bytes]:
-    """Render images in order, a few ahead of the writer; Embree, OpenCV and numpy free the GIL."""
-    with ThreadPoolExecutor(_THREADS) as threads:
+    """Render images in order, a few ahead of the writer."""
+    with ThreadPoolExecutor(THREADS) as threads:
+        # What all images share is worked out before the first: else each thread would do it.
+        rays = threads.submit(lens_rays, raw_camera(spec.image_scale))
+        painter_for(spec)
+        rays.result()
         indices = iter(range(count))
-        ahead = [threads.submit(simulate_jpeg, spec, i) for i in islice(indices, 2 * _THREADS)]
+        ahead = [threads.submit(simulate_jpeg, spec, i) for i in islice(indices, 2 * THREADS)]
         while ahead:
             jpeg = ahead.pop(0).result()
             ahead += [threads.submit(simulate_jpeg, spec, i) for i in islice(indices, 1)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
@@ -19,6 +20,9 @@ SKY: Final = -1
 
 SUN: Final = (-0.42, -0.48, 0.77)
 """Where the sun stands unless a scene says otherwise."""
+
+THREADS: Final = min(2, os.cpu_count() or 1)
+"""So many cast rays at once: Embree, numba, OpenCV and most of numpy free the GIL."""
 
 _HIDDEN = -1  # what Embree's occlusion query answers for a free ray
 

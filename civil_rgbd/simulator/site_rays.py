@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from civil_rgbd.simulator.balls import in_disc, projected, towards_ball
 from civil_rgbd.simulator.motion import Floats, Mover, placed, unplaced
 from civil_rgbd.simulator.scene import SKY, RayCaster, dots
 from civil_rgbd.simulator.site import Site
@@ -192,14 +193,8 @@ class InstantCaster:
             (N,) int32, :data:`SKY` where a ray meets nothing.
         """
         triangles = self._standing.nearest(origin_m, directions)
-        if self.bodies:
-            x, y, z = (np.ascontiguousarray(directions[:, i]) for i in range(3))
-            squares = x * x + y * y + z * z
         for body in self.bodies:
-            a, b, c = (body.middle_m - origin_m[0]).astype(np.float32)
-            beyond = a * a + b * b + c * c - np.float32(body.radius_m) ** 2
-            along = x * a + y * b + z * c
-            maybe = np.flatnonzero((along > 0) & (along * along >= squares * beyond))
+            maybe = towards_ball(directions, body.middle_m - origin_m[0], body.radius_m)
             if len(maybe):
                 self._put_in(body, origin_m, directions[maybe], maybe, triangles)
         return triangles
@@ -242,34 +237,17 @@ class InstantCaster:
         hit = self._standing.blocked(origins_m, direction)
         if self.bodies and len(origins_m):
             # Seen along the direction, every ball is a disc.
-            first, second = _across(direction)
-            places = (_components(origins_m, first), _components(origins_m, second))
-            ends = [(float(place.min()), float(place.max())) for place in places]
+            axes = np.stack(_across(direction))
+            places, ends = projected(origins_m, axes)
             for body in self.bodies:
-                self._shade(body, (origins_m, direction), (first, second), (places, ends, hit))
+                disc = _components(axes, body.middle_m.astype(np.float32))
+                maybe = in_disc(places, ends, disc, body.radius_m)
+                maybe = maybe[~hit[maybe]]
+                if len(maybe):
+                    start = body.inside(origins_m[maybe].astype(np.float64)).astype(np.float32)
+                    turned = unplaced(direction[np.newaxis].astype(np.float64), body.heading)
+                    hit[maybe] = body.caster.blocked(start, turned[0].astype(np.float32))
         return hit
-
-    @staticmethod
-    def _shade(
-        body: PlacedBody,
-        rays: tuple[NDArray[np.float32], NDArray[np.float32]],
-        axes: tuple[NDArray[np.float32], NDArray[np.float32]],
-        found: tuple[tuple[_Plane, _Plane], list[tuple[float, float]], NDArray[np.bool_]],
-    ) -> None:
-        (origins_m, direction), (places, ends, hit) = rays, found
-        middle, radius = body.middle_m.astype(np.float32)[np.newaxis], np.float32(body.radius_m)
-        disc = [_components(middle, axis)[0] for axis in axes]
-        if any(
-            at + radius < low or at - radius > high
-            for at, (low, high) in zip(disc, ends, strict=True)
-        ):
-            return
-        u, v = places[0] - disc[0], places[1] - disc[1]
-        maybe = np.flatnonzero((u * u + v * v <= radius * radius) & ~hit)
-        if len(maybe):
-            start = body.inside(origins_m[maybe].astype(np.float64)).astype(np.float32)
-            turned = unplaced(direction[np.newaxis].astype(np.float64), body.heading)
-            hit[maybe] = body.caster.blocked(start, turned[0].astype(np.float32))
 
     def distances(self, origins_m: Floats, directions: Floats) -> tuple[Floats, NDArray[np.int32]]:
         """Return how far along each ray from one place the first surface lies, exactly.
