@@ -38,8 +38,10 @@ _RIVAL_RAD: Final = math.radians(0.4)
 _LEAD_SIGMAS: Final = 3.0
 _FEWEST_OF_A_PICTURE: Final = 30
 _EXPECTED_RAD: Final = math.radians(0.15)
-_ODDITY_COSTS: Final = 0.005
+_ODDITY_COSTS: Final = 0.02
+"""With less, edges that meet others' win over how the images turn: below a box girder, by 1 deg."""
 _ODD: Final = 9.0
+_TOO_ODD: Final = 16.0
 _SURE_RAD: Final = math.radians(0.15)
 _LEAST_CONTRAST: Final = 1.15
 
@@ -110,6 +112,8 @@ def align(
         why_not = f"the edges meet nowhere within {math.degrees(reach_rad):g} deg"
     elif contrast < _LEAST_CONTRAST:
         why_not = f"the images hardly show the depth edges: {contrast:.2f} times chance"
+    elif search.oddity(best) > _TOO_ODD:
+        why_not = "the edges meet where images and poses turn otherwise"
     elif _rivalled(search, tops):
         why_not = "two turns make the edges meet alike: too few of them run across"
     elif sigma > _SURE_RAD:

@@ -9,21 +9,15 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 
-import cv2
-import numpy as np
-
 from civil_rgbd.domain.inspection import RecordingSummary, TopicSummary
 from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording, RecordingOptions
 from civil_rgbd.errors import RecordingError
-from civil_rgbd.geometry.transforms import compose, transform_from
-from civil_rgbd.health.alignment import Alignment, align
 from civil_rgbd.health.checks import CHECKS, Figure
 from civil_rgbd.health.coverage import coverage_figures
-from civil_rgbd.health.depth_edges import depth_edges
 from civil_rgbd.health.direction import compare_directions
+from civil_rgbd.health.extrinsics import extrinsics_figure
 from civil_rgbd.health.inspection import choose
-from civil_rgbd.health.mounting import turn_of_mounting
 from civil_rgbd.health.pictures import look_at_pictures, picture_figures
 from civil_rgbd.health.rates import drift_figure as clock_figure
 from civil_rgbd.health.rates import rate_figures, timing_figures
@@ -38,9 +32,6 @@ _OF_POSES = ("pose-rate", "pose-gap", "pose-jump", "pose-jerk")
 
 Seen = list[tuple[Stretch, tuple[Pair, ...]]]
 Task = Callable[["CheckInput"], Iterator[Figure]]
-
-_GAIN = 1.05
-"""A turn that hardly makes edges meet better is no finding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,11 +152,9 @@ def _mounting(
         yield Figure("extrinsics", None, offset.why_not)
         yield _inverted(recording)
         return
-    edges = depth_edges(recording, stretches, views, offset.offset_s)
-    expected = turn_of_mounting(recording, pairs, offset.offset_s)
-    alignment = align(edges, expected)
-    yield _extrinsics_figure(recording, alignment)
-    yield Figure("rig-inverted", 0.0) if alignment.turn_deg else _inverted(recording)
+    turned = extrinsics_figure(recording, stretches, pairs, views, offset.offset_s)
+    yield turned
+    yield _inverted(recording) if turned.value is None else Figure("rig-inverted", 0.0)
 
 
 def _offset_figure(recording: Recording, offset: TimeOffset) -> Figure:
@@ -179,30 +168,6 @@ def _offset_figure(recording: Recording, offset: TimeOffset) -> Figure:
         f"at {offset.rate_rad_s:.2f} rad/s RMS",
         fix=f"write camera_time_offset_s = {whole_s:.4f} into the rig file (--rig)",
         sigma=1000 * offset.sigma_s,
-    )
-
-
-def _extrinsics_figure(recording: Recording, alignment: Alignment) -> Figure:
-    if alignment.turn_deg is None or alignment.angle_deg is None:
-        return Figure("extrinsics", None, alignment.why_not)
-    x, y, z = alignment.turn_deg
-    said = (
-        f"about the camera's x {x:+.2f}, y {y:+.2f}, z {z:+.2f} deg; {alignment.edges} depth edges "
-        f"meet image edges {alignment.contrast:.2f} times chance, {alignment.contrast_as_given:.2f}"
-        " as given"
-    )
-    angle = alignment.angle_deg
-    if alignment.contrast < _GAIN * alignment.contrast_as_given:
-        angle = min(angle, CHECKS["extrinsics"].limit)
-    R, _ = cv2.Rodrigues(np.radians(alignment.turn_deg))
-    turned = compose(recording.rig.T_lidar_camera, transform_from(R, np.zeros(3)))
-    line = f"T_lidar_camera = {(np.round(turned, 6) + 0.0).tolist()}"
-    return Figure(
-        "extrinsics",
-        angle,
-        said,
-        fix=f"calibrate again, or write into the rig file (--rig): {line}",
-        sigma=alignment.sigma_deg,
     )
 
 

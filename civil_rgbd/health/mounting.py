@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +13,7 @@ from civil_rgbd.geometry.transforms import compose, transform_from
 from civil_rgbd.health.rotations import (
     DOUBT_RAD,
     mounting_rows,
+    rotation,
     rotation_vector,
     turned,
     turns_at,
@@ -40,22 +40,32 @@ def turn_of_mounting(
     Returns:
         rotation vector (3,) by which the stated camera is to be turned, and standard errors (3,).
     """
-    rig = recording.rig
-    late_s = rig.camera_time_offset_s + shift_s
+    late_s = recording.rig.camera_time_offset_s + shift_s
     whole, sigma = np.eye(3), np.zeros(3)
     # Then once more from where the camera turns out to be: as stated, features get the depths of
     # points beside them, and the camera's way is taken out askew.
     for _ in range(_PASSES):
-        T_body_camera = compose(rig.T_body_camera, transform_from(whole, np.zeros(3)))
-        supposed = Supposed(
-            replace(rig, camera_time_offset_s=late_s, T_body_camera=T_body_camera),
-            recording.trajectory,
-            recording.image_stamps_ns,
-        )
+        supposed = with_camera_turned(recording, rotation_vector(whole))
+        supposed = replace(supposed, rig=replace(supposed.rig, camera_time_offset_s=late_s))
         turn, sigma = _turn_once(supposed, tracks_of(supposed, pairs))
-        matrix, _ = cv2.Rodrigues(turn)
-        whole = whole @ np.asarray(matrix, dtype=np.float64)
+        whole = whole @ rotation(turn)
     return rotation_vector(whole), sigma
+
+
+def with_camera_turned(recording: Posed, turn: Floats) -> Supposed:
+    """Suppose that the camera is turned against what the rig says.
+
+    Args:
+        recording: with poses.
+        turn: rotation vector (3,) about the camera's axes, rad.
+    """
+    rig = recording.rig
+    T_body_camera = compose(rig.T_body_camera, transform_from(rotation(turn), np.zeros(3)))
+    return Supposed(
+        replace(rig, T_body_camera=T_body_camera),
+        recording.trajectory,
+        recording.image_stamps_ns,
+    )
 
 
 def _turn_once(recording: Posed, tracks: Sequence[Track]) -> tuple[Floats, Floats]:

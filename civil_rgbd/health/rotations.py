@@ -40,7 +40,7 @@ def turns_at(recording: Posed, tracks: Sequence[Track], shift_s: float) -> Turns
         R, t = T_second_first[:3, :3], T_second_first[:3, 3]
         left = _rotation_left(track.rays @ R.T + t / track.depths_m[:, np.newaxis], track.seen)
         if left is not None:
-            rows.append((track.from_ns, track.to_ns, rotation_vector(_rotation(left) @ R)))
+            rows.append((track.from_ns, track.to_ns, rotation_vector(rotation(left) @ R)))
     stamps = np.array([row[:2] for row in rows], dtype=np.int64).reshape(-1, 2)
     seen = np.array([row[2] for row in rows], dtype=np.float64).reshape(-1, 3)
     return Turns(stamps[:, 0], stamps[:, 1], seen)
@@ -79,7 +79,8 @@ def rotation_vector(R: Floats) -> Floats:
     return vector
 
 
-def _rotation(vector: Floats) -> Floats:
+def rotation(vector: Floats) -> Floats:
+    """Return the rotation (3, 3) about an axis by its length."""
     matrix, _ = cv2.Rodrigues(vector)
     return np.asarray(matrix, dtype=np.float64)
 
