@@ -208,7 +208,7 @@ def _gathered(
         light = np.where(hit == SKY, np.float32(1.0), 0)
         seen = np.flatnonzero(hit != SKY)
         n, k = scene.normals[hit[seen]], hit[seen]
-        t = (scene.offsets_m[k] - dots(n, points_m[seen])) / dots(n, d[seen])
+        t = (scene.offsets_m[k] - dots(n, points_m[seen])) / dots(n, d[seen].astype(np.float64))
         spot = points_m[seen] + t[:, np.newaxis] * d[seen] + _LIFT_M * n
         in_sun = (sunlit[k] > 0) & ~caster.blocked(spot.astype(np.float32), sun.astype(np.float32))
         light[seen] = albedo[k] * (sunlit[k] * in_sun + np.float32(_GROUND_AMBIENT))

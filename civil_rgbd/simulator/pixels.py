@@ -39,7 +39,7 @@ _LIFT_M: Final = np.float32(3e-3)  # shadow rays start this far off the surface
 _TILE, _PER_TILE, _ALBEDO_STEP = np.float32(TILE_PX), np.float32(1 / TILE_PX), np.float32(1 / 255)
 _STAINS_PER_M, _STAIN_STEP = np.float32(1 / STAIN_TEXEL_M), np.float32(1 / 128)
 _SHRINK: Final = np.ldexp(np.float32(1), -np.arange(LEVELS))
-_PARTS: Final = np.float32(32)  # of a texel
+_PARTS: Final = np.float32(32)  # of a texel, each way
 _EDGE: Final = np.float32(1.001)
 
 
@@ -268,7 +268,7 @@ def _texel(place, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN20
     # In fixed point, as OpenCV's remap has it: the same on every processor.
     parts = np.int32(place * _PARTS + _HALF)
     # A ray that lies in its triangle's plane meets it nowhere: any texel will do.
-    return min(max(parts >> 5, 0), count - 2), parts & 31
+    return min(max(parts >> 5, np.int32(0)), count - 2), parts & 31
 
 
 @numba.njit(cache=True, nogil=True)
@@ -279,9 +279,10 @@ def _mixed(first, second, part):  # type: ignore[no-untyped-def]  # noqa: ANN001
 @numba.njit(cache=True, nogil=True)
 def _between(values, column, line):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # a kernel: numba infers
     height, width = values.shape
-    i = np.int32(min(max(column, np.float32(0)), np.float32(width) - _EDGE))
-    j = np.int32(min(max(line, np.float32(0)), np.float32(height) - _EDGE))
-    i, j = min(max(i, 0), width - 2), min(max(j, 0), height - 2)
+    i = np.int64(min(max(column, np.float32(0)), np.float32(width) - _EDGE))
+    j = np.int64(min(max(line, np.float32(0)), np.float32(height) - _EDGE))
+    # What is no number becomes the least whole number there is.
+    i, j = max(i, np.int64(0)), max(j, np.int64(0))
     x = min(max(np.float64(column) - np.float64(i), 0.0), 1.0)
     y = min(max(np.float64(line) - np.float64(j), 0.0), 1.0)
     a, b, c, d = values[j, i], values[j, i + 1], values[j + 1, i], values[j + 1, i + 1]

@@ -137,11 +137,9 @@ class RayCaster:
         self, origins_m: NDArray[np.float32], direction: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
         """Tell for (N, 3) points whether anything lies in the (3,) direction: (N,) bool."""
-        directions = np.ascontiguousarray(np.broadcast_to(direction, origins_m.shape))
-        hit: NDArray[np.bool_] = (
-            self._embree.run(np.ascontiguousarray(origins_m), directions, query="OCCLUDED")
-            != _HIDDEN
-        )
+        directions = np.broadcast_to(direction, origins_m.shape)
+        found = self._embree.run(np.ascontiguousarray(origins_m), directions, query="OCCLUDED")
+        hit: NDArray[np.bool_] = found != _HIDDEN
         return hit
 
     def distances(

@@ -45,6 +45,7 @@ def test_a_poorer_processor_simulates_the_same_bytes() -> None:
         NPY_DISABLE_CPU_FEATURES=" ".join(numpy_has),
         OPENCV_CPU_DISABLE=",".join(opencv_has),
         JSIMD_FORCENONE="1",
+        NUMBA_CPU_NAME="generic",
     )
 
     assert _hash_with() == poorer
