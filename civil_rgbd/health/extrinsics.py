@@ -9,14 +9,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from civil_rgbd.domain.recording import Recording
 from civil_rgbd.geometry.transforms import compose, transform_from
 from civil_rgbd.health.alignment import Alignment, align
 from civil_rgbd.health.checks import CHECKS, Figure
 from civil_rgbd.health.depth_edges import depth_edges
 from civil_rgbd.health.mounting import turn_of_mounting, with_camera_turned
 from civil_rgbd.health.rotations import rotation, rotation_vector
-from civil_rgbd.health.sampling import Stretch
+from civil_rgbd.health.sampling import Posed, Stretch
 from civil_rgbd.health.tracks import Pair
 from civil_rgbd.health.views import Views
 
@@ -29,7 +28,7 @@ _SURE_SIGMAS: Final = 3.0
 
 
 def extrinsics_figure(
-    recording: Recording,
+    recording: Posed,
     stretches: Sequence[Stretch],
     pairs: Sequence[Pair],
     views: Views,
@@ -61,7 +60,7 @@ def _by_edges(alignment: Alignment) -> str:
     )
 
 
-def _by_turning(recording: Recording, turn: Floats, sigma: Floats, why_not: str) -> Figure:
+def _by_turning(recording: Posed, turn: Floats, sigma: Floats, why_not: str) -> Figure:
     """Say what images and poses alone know: enough for a finding where it is far off."""
     size = float(np.sqrt((turn**2).sum()))
     doubt = float(np.sqrt((turn**2 * sigma**2).sum())) / max(size, 1e-9)
@@ -72,7 +71,7 @@ def _by_turning(recording: Recording, turn: Floats, sigma: Floats, why_not: str)
     return _figure(recording, turn, math.degrees(doubt), said)
 
 
-def _figure(recording: Recording, turn: Floats, sigma_deg: float, said: str) -> Figure:
+def _figure(recording: Posed, turn: Floats, sigma_deg: float, said: str) -> Figure:
     x, y, z = np.degrees(turn)
     whole = compose(recording.rig.T_lidar_camera, transform_from(rotation(turn), np.zeros(3)))
     line = f"T_lidar_camera = {(np.round(whole, 6) + 0.0).tolist()}"

@@ -68,6 +68,15 @@ def test_a_given_turn_is_worse_than_the_found_one() -> None:
     assert found.contrast > 1.3 * found.contrast_as_given
 
 
+def test_edges_that_meet_others_do_not_win_over_what_is_known_of_the_turn() -> None:
+    known = np.zeros(3), np.full(3, np.radians(0.1))
+
+    found = align(_drawn((1.3, 0.0, 0.0)), known)
+
+    assert found.turn_deg is None
+    assert found.why_not
+
+
 def test_few_edges_give_no_number() -> None:
     found = align(_drawn((0.0, 0.0, 0.0), pictures=1))
 
