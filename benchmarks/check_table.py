@@ -58,11 +58,12 @@ def _numbers(rows: Sequence[Row]) -> list[str]:
         f"Of {len(still)} recordings whose sensors do not turn, {len(wrong)} got a number for "
         "either."
     )
-    share = [row["processor_s"] / row["seconds"] for row in rows]
+    share = [row["processor_s"] / row["seconds"] for row in rows if row["whole"]]
     if share:
         said.append(
-            f"Processor time over length of recording: median {np.median(share):.3f}, 90th "
-            f"percentile {np.quantile(share, 0.9):.3f}, of two threads together."
+            "Processor time of all checks over length of recording: median "
+            f"{np.median(share):.3f}, 90th percentile {np.quantile(share, 0.9):.3f}, of two "
+            "threads together."
         )
     return said
 

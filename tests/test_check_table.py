@@ -23,13 +23,13 @@ def report(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def _row(code: str, found: list[str], **more: object) -> dict[str, object]:
-    usual = {"base": "B1-0", "turns": True, "offset": None, "turn": None}
+    usual = {"base": "B1-0", "turns": True, "offset": None, "turn": None, "whole": True}
     return {"code": code, "found": found, **usual, "processor_s": 2.0, "seconds": 20.0, **more}
 
 
 def test_missed_faults_and_flagged_recordings_are_counted_and_named(report: Any) -> None:
     rows = [
-        _row("blurred", ["blurred"]),
+        _row("blurred", ["blurred"], whole=False, processor_s=0.5),
         _row("blurred", ["coverage"], base="B4-1"),
         _row("clean", []),
         _row("clean", ["pose-drift"], turns=False, turn="about ..."),

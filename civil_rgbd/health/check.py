@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -30,6 +30,10 @@ from civil_rgbd.health.views import Views, viewer_of
 _NO_POSES = "the recording has no poses yet"
 _OF_POSES = ("pose-rate", "pose-gap", "pose-jump", "pose-jerk")
 
+_OF_MOUNTING = frozenset({"time-offset", "extrinsics", "rig-inverted"})
+_OF_PICTURES = ("images-broken", "overexposed-start", "overexposed", "too-dark", "blurred")
+_OF_STRETCHES = _OF_MOUNTING | {"pose-drift"}
+
 Seen = list[tuple[Stretch, tuple[Pair, ...]]]
 Task = Callable[["CheckInput"], Iterator[Figure]]
 
@@ -51,29 +55,39 @@ class CheckInput:
     options: RecordingOptions
 
 
-def check_recording(given: CheckInput, recipe: Recipe) -> tuple[Figure, ...]:
+def check_recording(
+    given: CheckInput, recipe: Recipe, codes: Collection[str] = CHECKS.keys()
+) -> tuple[Figure, ...]:
     """Take every figure of :data:`civil_rgbd.health.checks.CHECKS`, in their order.
 
     Args:
         given: the recording.
         recipe: what coverage is expected with.
+        codes: figures that are wanted; what no other needs is not computed.
     """
     # A recording that can be sent to a worker opens its files there anew: so does a copy of it,
     # which may then be read beside the first. Decoding and numpy let go of the interpreter.
     other = replace(given, recording=pickle.loads(pickle.dumps(given.recording)))  # noqa: S301  # our own
     views = Views(given.recording)
+    wanted = set(codes)
     with ThreadPoolExecutor(1) as thread:
-        seen = _seen(given, other, views, thread) if given.posed else []
+        seen = _seen(given, other, views, thread) if given.posed and wanted & _OF_STRETCHES else []
         stretches = tuple(stretch for stretch, _ in seen)
         pairs = tuple(pair for _, followed in seen for pair in followed)
         # What needs nothing of the others: done by whoever has time, main thread or second.
-        left: deque[Task] = deque(
-            (_pictures, partial(_drift, stretches), partial(_coverage, recipe))
-        )
+        tasks: dict[Task, Collection[str]] = {
+            _pictures: _OF_PICTURES,
+            partial(_drift, stretches): ("pose-drift",),
+            partial(_coverage, recipe): ("frames", "coverage"),
+        }
+        left = deque(task for task, of in tasks.items() if wanted.intersection(of))
         there = thread.submit(_work_off, left, other)
-        figures = [*_rates(given), *_poses(given), *_mounting(given, stretches, pairs, views)]
+        figures = [*_rates(given), *_poses(given)]
+        if wanted & _OF_MOUNTING:
+            figures += _mounting(given, stretches, pairs, views)
         figures += [*_work_off(left, given), *there.result()]
     place = {code: number for number, code in enumerate(CHECKS)}
+    figures = [figure for figure in figures if figure.code in wanted]
     return tuple(sorted(figures, key=lambda figure: place[figure.code]))
 
 
