@@ -20,6 +20,7 @@ from .recording_faults import (
     brighten,
     chained,
     cut,
+    drop,
     drop_share,
     keep_every,
     log_later,
@@ -30,7 +31,9 @@ from .recording_faults import (
     repaint,
     restamp,
     rotation,
+    scattered,
     silence,
+    truncate,
 )
 
 CAMERA: Final = (IMAGE, CAMERA_INFO)
@@ -66,13 +69,14 @@ def clean(extent: Extent, rng: Rng) -> Variant:
 
 def _scans_dropped(extent: Extent, rng: Rng) -> Variant:
     del extent
-    share = rng.uniform(0.08, 0.2)  # by chance fewer than asked for may fall
-    return Variant(drop_share((LIDAR,), share, rng), {"share": share})
+    share = rng.uniform(0.04, 0.2)
+    chosen = scattered(share, rng)
+    return Variant(drop((LIDAR,), lambda m: chosen(m.stamp_ns)), {"share": share})
 
 
 def _images_dropped(extent: Extent, rng: Rng) -> Variant:
     del extent
-    share = rng.uniform(0.25, 0.45)
+    share = rng.uniform(0.2, 0.45)
     return Variant(drop_share(CAMERA, share, rng), {"share": share})
 
 
@@ -110,34 +114,58 @@ def _clock_drift(extent: Extent, rng: Rng) -> Variant:
 
 
 def _overexposed_start(extent: Extent, rng: Rng) -> Variant:
-    seconds, factor = rng.uniform(0.4, 1.8), rng.uniform(15, 60)
+    del extent
+    seconds, factor = rng.uniform(0.2, 1.8), rng.uniform(15, 60)
+    if rng.random() < 0.2:
+        seconds = rng.uniform(1.8, 7.0)
+    first_ns: list[int] = []
+
+    def since(stamp_ns: int) -> float:
+        first_ns[:] = first_ns or [stamp_ns]
+        return (stamp_ns - first_ns[0]) / 1e9 / seconds
 
     def paint(pixels, stamp_ns):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # as repaint's
-        since = (stamp_ns - extent.first_ns) / 1e9 / seconds
-        return brighten(pixels, factor ** (1 - 0.3 * since))
+        return brighten(pixels, factor ** (1 - 0.3 * since(stamp_ns)))
 
-    end_ns = extent.first_ns + round(seconds * 1e9)
-    return Variant(repaint(lambda ns: ns < end_ns, paint), {"seconds": seconds, "factor": factor})
+    edit = repaint(lambda ns: since(ns) < 1, paint)
+    return Variant(edit, {"seconds": seconds, "factor": factor})
 
 
-def _block(extent: Extent, rng: Rng, least: float, most: float) -> tuple[float, int, int]:
-    share = rng.uniform(least, most)
+def _some(extent: Extent, rng: Rng) -> tuple[float, Callable[[int], bool]]:
+    """Choose a tenth of the images at least: at a stretch, or here and there."""
+    share = rng.uniform(0.1, 0.4)
+    if rng.random() < 0.5:
+        return share, scattered(share, rng)
     start = rng.uniform(0.3, 1 - share)
-    return share, extent.at(start), extent.at(start + share)
+    first, last = extent.at(start), extent.at(start + share)
+    return share, lambda ns: first <= ns < last
+
+
+def _images_broken(extent: Extent, rng: Rng) -> Variant:
+    share, chosen = _some(extent, rng)
+    size = int(rng.integers(0, 4000))
+    return Variant(truncate(chosen, size), {"share": share, "size": size})
 
 
 def _overexposed(extent: Extent, rng: Rng) -> Variant:
-    share, first, last = _block(extent, rng, 0.15, 0.4)
+    share, chosen = _some(extent, rng)
     factor = rng.uniform(20, 60)
-    edit = repaint(lambda ns: first <= ns < last, lambda pixels, _: brighten(pixels, factor))
+    edit = repaint(chosen, lambda pixels, _: brighten(pixels, factor))
+    return Variant(edit, {"share": share, "factor": factor})
+
+
+def _too_dark(extent: Extent, rng: Rng) -> Variant:
+    share, chosen = _some(extent, rng)
+    factor = 1 / rng.uniform(400, 4000)
+    edit = repaint(chosen, lambda pixels, _: brighten(pixels, factor))
     return Variant(edit, {"share": share, "factor": factor})
 
 
 def _blurred(extent: Extent, rng: Rng) -> Variant:
-    share, first, last = _block(extent, rng, 0.15, 0.4)
+    share, chosen = _some(extent, rng)
     sigma = rng.uniform(2.0, 4.0)
     angle = None if rng.random() < 0.5 else float(rng.uniform(0, np.pi))
-    edit = repaint(lambda ns: first <= ns < last, lambda pixels, _: blur(pixels, sigma, angle))
+    edit = repaint(chosen, lambda pixels, _: blur(pixels, sigma, angle))
     return Variant(
         edit, {"share": share, "sigma_px": sigma, "angle": -1.0 if angle is None else angle}
     )
@@ -215,8 +243,10 @@ FAULTS: Final[dict[str, Callable[[Extent, Rng], Variant]]] = {
     "imu-gap": _gap((IMU,), 0.2, 1.0),
     "pose-gap": _gap((ODOMETRY,), 0.55, 1.5),
     "clock-drift": _clock_drift,
+    "images-broken": _images_broken,
     "overexposed-start": _overexposed_start,
     "overexposed": _overexposed,
+    "too-dark": _too_dark,
     "blurred": _blurred,
     "time-offset": _time_offset,
     "extrinsics": _extrinsics,

@@ -143,6 +143,24 @@ def drop_share(topics: tuple[str, ...], share: float, rng: np.random.Generator) 
     return drop(topics, lost)
 
 
+def scattered(share: float, rng: np.random.Generator) -> Callable[[int], bool]:
+    """Choose that share of stamps exactly, as they come: one by chance of each 1 / share."""
+    fates: dict[int, bool] = {}
+    parts: dict[int, float] = {}
+
+    def chosen(stamp_ns: int) -> bool:
+        if stamp_ns not in fates:
+            part, within = divmod(len(fates) * share, 1)
+            # Of each part the first stamp from a random place on.
+            place = parts.setdefault(int(part), rng.uniform(0, 1 - share))
+            fates[stamp_ns] = place <= within
+            if fates[stamp_ns]:
+                parts[int(part)] = 1.0
+        return fates[stamp_ns]
+
+    return chosen
+
+
 def silence(topics: tuple[str, ...], start_ns: int, seconds: float) -> Edit:
     """Leave out everything for a while."""
     return drop(topics, lambda m: start_ns <= m.stamp_ns < start_ns + seconds * _NS)
@@ -207,6 +225,19 @@ def repaint(
             pixels = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
             _, coded = cv2.imencode(".jpg", paint(pixels, message.stamp_ns))
             data = head + struct.pack("<I", len(coded)) + coded.tobytes()
+            message = replace(message, data=data)
+        yield message
+
+    return edit
+
+
+def truncate(chosen: Callable[[int], bool], size: int) -> Edit:
+    """Keep so many bytes of the compressed images whose stamps are chosen."""
+
+    def edit(message: Message) -> Iterator[Message]:
+        if message.topic == IMAGE and chosen(message.stamp_ns):
+            at = _after_strings(message.data, 2)
+            data = message.data[:at] + struct.pack("<I", size) + message.data[at + 4 :][:size]
             message = replace(message, data=data)
         yield message
 

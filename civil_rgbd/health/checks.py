@@ -76,6 +76,10 @@ CHECKS: Final[Mapping[str, Check]] = MappingProxyType({
         "clocks drifting apart over the recording", "ms", 10.0,
         "synchronise the sensors (PTP, or the host's clock in both drivers), and scan again",
     ),
+    "images-broken": Check(
+        "images that cannot be decoded", "%", 5.0,
+        "see the recorder's disk and the camera's cable; scan again: no frame is made of them",
+    ),
     "overexposed-start": Check(
         "over-exposed images at the start", "s", 0.1,
         "",
@@ -83,6 +87,10 @@ CHECKS: Final[Mapping[str, Check]] = MappingProxyType({
     "overexposed": Check(
         "over-exposed images", "%", 5.0,
         "lower the exposure or let the camera choose it, and scan again",
+    ),
+    "too-dark": Check(
+        "images with nothing but black in them", "%", 5.0,
+        "take the cap off the lens, bring light or lengthen the exposure, and scan again",
     ),
     "blurred": Check(
         "blurred images", "%", 5.0,

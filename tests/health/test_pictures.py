@@ -1,15 +1,21 @@
-"""Exposure and sharpness: of drawn pictures, and of samples by hand."""
+"""Broken, white, dark and blurred images: of drawn pictures, and of looks made by hand."""
 
 from __future__ import annotations
+
+from math import comb
 
 import cv2
 import numpy as np
 import pytest
 
-from civil_rgbd.health.checks import Figure
-from civil_rgbd.health.pictures import PictureSamples, picture_figures, smear_of
+from civil_rgbd.health.checks import CHECKS, Figure
+from civil_rgbd.health.looks import Look, look_at, smear_of
+from civil_rgbd.health.pictures import PictureSamples, picture_figures, spread
 
-SECONDS = np.arange(0, 10, 0.1)
+SHARP = Look(white=0.05, seen=1.0, brightness=120.0, smear=0.2)
+WHITE = Look(white=0.6, seen=1.0, brightness=220.0, smear=0.2)
+SMEARED = Look(white=0.05, seen=1.0, brightness=120.0, smear=0.7)
+DARK = Look(white=0.0, seen=0.0, brightness=4.0, smear=float("nan"))
 
 
 def _picture() -> np.ndarray:
@@ -19,17 +25,9 @@ def _picture() -> np.ndarray:
     return cv2.GaussianBlur(blocks, (0, 0), 0.5)
 
 
-def _samples(
-    white: np.ndarray | float = 0.05,
-    brightness: np.ndarray | float = 120.0,
-    smear: np.ndarray | float = 0.2,
-) -> PictureSamples:
-    every = (np.broadcast_to(values, SECONDS.shape) for values in (white, brightness, smear))
-    return PictureSamples(SECONDS, *every, broken=0)
-
-
-def _figures(samples: PictureSamples) -> dict[str, Figure]:
-    return {figure.code: figure for figure in picture_figures(samples)}
+def _figures(*looks: Look | None, start_s: float = 0.0) -> dict[str, Figure]:
+    seconds = tuple(0.1 * number for number in range(len(looks)))
+    return {f.code: f for f in picture_figures(PictureSamples(seconds, looks, start_s))}
 
 
 def test_a_sharp_picture_is_told_from_a_blurred_one() -> None:
@@ -52,61 +50,94 @@ def test_a_flat_picture_shows_no_sharpness() -> None:
     assert np.isnan(smear_of(np.full((100, 100), 77, np.uint8)))
 
 
+def test_a_cap_on_the_lens_is_dark_and_its_noise_not_blurred() -> None:
+    noise = np.random.default_rng(1).integers(0, 24, (100, 100)).astype(np.uint8)
+
+    look = look_at(noise)
+
+    assert look.dark
+    assert not look.blurred
+    assert not look.overexposed
+
+
+def test_a_night_with_a_lamp_is_not_too_dark() -> None:
+    night = np.full((100, 100), 5, np.uint8)
+    night[40:60, 40:60] = 90
+
+    assert not look_at(night).dark
+
+
 def test_a_sharp_recording_well_exposed_is_fit() -> None:
-    assert not any(figure.found for figure in _figures(_samples()).values())
+    figures = _figures(*[SHARP] * 60)
+
+    assert not any(figure.found for figure in figures.values())
+    assert figures["blurred"].detail == "0 of 60 looked at; median smear 0.20"
 
 
-def test_the_white_start_says_where_to_cut() -> None:
-    white = np.where(SECONDS < 0.75, 0.8, 0.05)
+@pytest.mark.parametrize(
+    ("fault", "code"),
+    [(None, "images-broken"), (WHITE, "overexposed"), (DARK, "too-dark"), (SMEARED, "blurred")],
+)
+def test_a_tenth_of_faulty_images_is_found_and_nothing_else(fault: Look | None, code: str) -> None:
+    figures = _figures(*[SHARP] * 54, *[fault] * 6)
 
-    found = _figures(_samples(white=white))
-
-    assert found["overexposed-start"].value == pytest.approx(0.8)
-    assert "leave the first 0.8 s out" in found["overexposed-start"].fix
-    assert not found["overexposed"].found  # the start is counted once
-
-
-def test_a_start_that_is_brighter_but_not_white_is_cut_too() -> None:
-    early = SECONDS < 0.55
-    samples = _samples(white=np.where(early, 0.2, 0.05), brightness=np.where(early, 180.0, 120.0))
-
-    assert _figures(samples)["overexposed-start"].value == pytest.approx(0.6)
+    assert {figure.code for figure in figures.values() if figure.found} == {code}
+    assert figures[code].value == pytest.approx(10.0)
+    assert figures[code].detail.startswith("6 of 60 looked at")
 
 
-def test_a_bright_scene_at_the_start_is_no_exposure_fault() -> None:
-    early = SECONDS < 0.55
+def test_the_white_start_says_where_to_cut_and_is_counted_once() -> None:
+    figures = _figures(*[WHITE] * 8, *[SHARP] * 12, start_s=0.8)
 
-    figures = _figures(_samples(brightness=np.where(early, 170.0, 120.0)))
-
-    assert figures["overexposed-start"].value == 0.0
-
-
-def test_white_images_in_the_middle_are_found() -> None:
-    white = np.where((SECONDS > 5) & (SECONDS < 6), 0.5, 0.05)
-
-    figure = _figures(_samples(white=white))["overexposed"]
-
-    assert figure.found
-    assert figure.value == pytest.approx(9.0)
+    assert figures["overexposed-start"].value == 0.8
+    assert "leave the first 0.8 s out" in figures["overexposed-start"].fix
+    assert not figures["overexposed"].found
 
 
-def test_a_recording_that_is_white_all_along_is_no_matter_of_the_start() -> None:
-    figures = _figures(_samples(white=0.6))
+def test_images_that_are_all_black_are_a_finding() -> None:
+    figures = _figures(*[DARK] * 60)
 
-    assert figures["overexposed"].value == pytest.approx(100.0)
+    assert figures["too-dark"].value == 100.0
+    assert figures["too-dark"].found
+    assert figures["blurred"].state == "not observable"
 
 
-def test_blurred_images_are_counted() -> None:
-    figure = _figures(_samples(smear=np.where(SECONDS > 8.95, 0.7, 0.2)))["blurred"]
+def test_images_that_are_all_broken_are_a_finding() -> None:
+    figures = _figures(*[None] * 4)
 
-    assert figure.value == pytest.approx(10.0)
-    assert figure.found
+    assert figures["images-broken"].value == 100.0
+    assert {f.state for code, f in figures.items() if code != "images-broken"} == {"not observable"}
+    assert figures["blurred"].detail == "none of 4 images could be decoded"
 
 
 def test_without_any_image_nothing_can_be_seen() -> None:
-    nothing = np.zeros(0)
+    assert {figure.value for figure in _figures().values()} == {None}
 
-    figures = _figures(PictureSamples(nothing, nothing, nothing, nothing, broken=4))
 
-    assert {figure.value for figure in figures.values()} == {None}
-    assert figures["blurred"].detail == "none of 4 images could be decoded"
+@pytest.mark.parametrize(("images", "most"), [(61, 60), (301, 300), (450, 300), (5400, 60)])
+def test_images_are_spread_evenly_none_of_them_twice(images: int, most: int) -> None:
+    places = np.array(spread(images, most))
+
+    assert len(np.unique(places)) == most
+    assert places[-1] < images
+    assert np.diff(places).max() < 2 * images / most + 1
+
+
+def test_images_are_spread_out_of_step_with_every_tenth() -> None:
+    places = np.array(spread(600, 60))
+
+    assert all((places % 10 == phase).any() for phase in range(10))
+
+
+def test_a_fault_of_twice_the_limit_is_found_but_for_few_in_1000() -> None:
+    images, looked_at = 5400, 300
+    share = 2 * CHECKS["blurred"].limit / 100
+    faulty = round(share * images)
+
+    none_of_60 = comb(images - faulty, 60) / comb(images, 60)
+    found_at = int(CHECKS["blurred"].limit / 100 * looked_at)
+    too_few = sum(
+        comb(faulty, k) * comb(images - faulty, looked_at - k) for k in range(found_at + 1)
+    ) / comb(images, looked_at)
+
+    assert none_of_60 + too_few < 0.005
