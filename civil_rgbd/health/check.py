@@ -19,9 +19,9 @@ from civil_rgbd.health.direction import compare_directions
 from civil_rgbd.health.extrinsics import extrinsics_figure
 from civil_rgbd.health.inspection import choose
 from civil_rgbd.health.pictures import look_at_pictures, picture_figures
+from civil_rgbd.health.rates import common_span, rate_figures, timing_figures, unknown_figures
 from civil_rgbd.health.rates import drift_figure as clock_figure
-from civil_rgbd.health.rates import rate_figures, timing_figures
-from civil_rgbd.health.sampling import Stretch, stretch_starts, stretches_of
+from civil_rgbd.health.sampling import Stretch, image_stamps, stretch_starts, stretches_of
 from civil_rgbd.health.steadiness import drift_figure, jump_figures
 from civil_rgbd.health.tracks import Pair, pairs_of, tracks_of
 from civil_rgbd.health.turning import TimeOffset, time_offset
@@ -118,19 +118,29 @@ def _seen_from(recording: Recording, starts: Sequence[int], views: Views) -> See
 
 
 def _rates(given: CheckInput) -> Iterator[Figure]:
-    recording = given.recording
-    yield from rate_figures("lidar", recording.scan_stamps_ns)
-    yield from rate_figures("image", recording.image_stamps_ns)
+    scans_ns, images_ns = given.recording.scan_stamps_ns, image_stamps(given.recording)
+    yield from rate_figures("lidar", scans_ns, common_span(images_ns))
+    yield from rate_figures("image", images_ns, common_span(scans_ns))
     topics: dict[str, TopicSummary] = {}
+    imu: tuple[TopicSummary, ...] = ()
     if given.summary is not None:
         chosen = choose(given.summary, given.options)
         imu = tuple(given.summary.of_role("imu"))
         for role, found in (("lidar", chosen.lidars), ("image", chosen.images), ("imu", imu)):
             if len(found) == 1:
                 topics[role] = found[0]
-    if "imu" in topics and topics["imu"].stamped is not None:
-        yield from timing_figures("imu", topics["imu"].messages, topics["imu"].stamped)
+    if len(imu) == 1 and imu[0].stamped is not None:
+        span = common_span(scans_ns)
+        yield from timing_figures("imu", imu[0].messages, imu[0].stamped, span)
+    else:
+        yield from unknown_figures("imu", _why_no_imu(imu))
     yield clock_figure(given.summary, topics)
+
+
+def _why_no_imu(imu: tuple[TopicSummary, ...]) -> str:
+    if len(imu) > 1:
+        return f"{len(imu)} IMUs: {', '.join(topic.name for topic in imu)}"
+    return "its messages have no stamps" if imu else "no IMU"
 
 
 def _pictures(given: CheckInput) -> Iterator[Figure]:
@@ -142,8 +152,11 @@ def _poses(given: CheckInput) -> Iterator[Figure]:
     if not given.posed:
         yield from (Figure(code, None, _NO_POSES) for code in _OF_POSES)
         return
-    yield from rate_figures("pose", given.recording.trajectory.stamps_ns)
-    yield from jump_figures(given.recording.trajectory)
+    recording = given.recording
+    # Where only one of the two measures, no frame is made, and no pose is missed.
+    both = common_span(recording.scan_stamps_ns, image_stamps(recording))
+    yield from rate_figures("pose", recording.trajectory.stamps_ns, both)
+    yield from jump_figures(recording.trajectory)
 
 
 def _drift(stretches: Sequence[Stretch], given: CheckInput) -> Iterator[Figure]:

@@ -127,3 +127,84 @@ def test_uneven_logging_hides_a_drift_and_says_so() -> None:
 
 def test_without_log_times_nothing_is_said_of_clocks() -> None:
     assert drift_figure(None, {}).value is None
+
+
+def _silence(role: str, first_s: float, last_s: float) -> Figure:
+    """Ten messages a second, while others record from 0 to 20 s."""
+    stamps = np.arange(round(first_s * 10), round(last_s * 10) + 1) * TENTH_NS
+    figures = rate_figures(role, stamps, (0, 200 * TENTH_NS))
+    return next(figure for figure in figures if figure.code.endswith("-gap"))
+
+
+@pytest.mark.parametrize("role", ["lidar", "image", "imu"])
+def test_a_sensor_silent_at_an_end_is_found(role: str) -> None:
+    late, early = _silence(role, 2.0, 20.0), _silence(role, 0.0, 15.0)
+
+    assert late.found
+    assert late.value == pytest.approx(2.0)
+    assert late.detail == "silent for 2.0 s at the start, while others record"
+    assert early.found
+    assert early.detail == "silent for 5.0 s at the end, while others record"
+
+
+def test_silences_at_both_ends_are_both_told() -> None:
+    figure = _silence("lidar", 3.0, 18.0)
+
+    assert figure.value == pytest.approx(3.0)
+    assert (
+        figure.detail == "silent for 3.0 s at the start and 2.0 s at the end, while others record"
+    )
+
+
+def test_drivers_that_start_within_a_second_and_odometry_within_two_are_fit() -> None:
+    assert _silence("image", 1.0, 19.0).value == pytest.approx(0.1)
+    assert _silence("pose", 2.0, 18.0).value == pytest.approx(0.1)
+    assert _silence("pose", 4.0, 20.0).found
+
+
+def test_silence_at_an_end_is_told_from_a_summary_as_well() -> None:
+    stamps = np.arange(2000) * 5_000_000
+    timing = timing_of(stamps)
+    assert timing is not None
+
+    figures = {f.code: f for f in timing_figures("imu", 2000, timing, (0, 200 * TENTH_NS))}
+
+    assert figures["imu-gap"].value == pytest.approx(10.0, abs=0.01)
+    assert figures["imu-gap"].found
+
+
+def test_sensors_of_different_clocks_are_not_said_to_be_silent() -> None:
+    figures = rate_figures("imu", np.arange(300) * TENTH_NS // 10, (10**18, 10**18 + 10**10))
+
+    assert not any(figure.code == "imu-gap" and figure.found for figure in figures)
+
+
+def _converted(late_ns: int, drift_ns: int) -> TopicSummary:
+    late = (late_ns, late_ns, late_ns + abs(drift_ns))
+    return TopicSummary(
+        "a", "", messages=9, lateness_drift_ns=(drift_ns, 0), log_minus_stamp_ns=late
+    )
+
+
+def test_log_times_made_from_the_stamps_tell_nothing_of_clocks() -> None:
+    figure = drift_figure(SUMMARY, {"lidar": _converted(0, 0), "image": _converted(7, 0)})
+
+    assert figure.value is None
+    assert "they were made from them" in figure.detail
+
+
+def test_a_drift_against_even_log_times_is_still_found() -> None:
+    topics = {"lidar": _converted(0, 0), "image": _converted(0, 30_000_000)}
+
+    assert drift_figure(SUMMARY, topics).found
+
+
+def test_a_drift_seen_otherwise_counts_where_log_times_tell_nothing() -> None:
+    topics = {"lidar": _converted(0, 0), "image": _converted(0, 0)}
+
+    assert drift_figure(SUMMARY, topics, (-25.0, 1.0)).value == pytest.approx(25.0)
+    assert drift_figure(SUMMARY, topics, (-25.0, 9.0)).value is None
+
+
+def test_clocks_without_drift_neither_lag_nor_lead() -> None:
+    assert "keeps up with" in drift_figure(SUMMARY, _topics(0, 0)).detail
