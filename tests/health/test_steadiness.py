@@ -41,6 +41,31 @@ def test_a_sudden_turn_is_found(rate_hz: int) -> None:
     assert figure.value == pytest.approx(2.0, abs=0.3)
 
 
+@pytest.mark.parametrize("degrees", [0.0, 1.5])
+def test_sparse_poses_do_not_tell_a_sudden_turn_and_are_not_called_fit(degrees: float) -> None:
+    figure = _walk(10, jerk_deg=degrees)["pose-jerk"]
+
+    assert figure.value is None
+    assert figure.detail.startswith("poses come at 10.0 Hz: between two of them this motion hides ")
+
+
+def test_a_great_turn_is_found_between_sparse_poses_as_well() -> None:
+    assert _walk(10, jerk_deg=5.0)["pose-jerk"].found
+
+
+def test_a_jump_between_poses_at_5_hz_is_found_or_not_observable() -> None:
+    assert _walk(5, jump_m=0.5)["pose-jump"].found
+    assert not _walk(5)["pose-jump"].found
+    assert _walk(5, jump_m=0.12)["pose-jump"].state != "fit"
+
+
+def test_poses_that_are_mostly_gaps_show_no_jump() -> None:
+    figures = _walk(2)
+
+    assert figures["pose-jump"].value is None
+    assert figures["pose-jump"].detail.startswith("poses come at 2.0 Hz")
+
+
 def test_a_gap_is_no_jump() -> None:
     t = np.concatenate([np.arange(0, 5, 0.005), np.arange(6, 10, 0.005)])
     upright = np.tile([0.0, 0, 0, 1], (len(t), 1))
