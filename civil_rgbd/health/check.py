@@ -18,19 +18,20 @@ from civil_rgbd.health.coverage import coverage_figures
 from civil_rgbd.health.direction import compare_directions
 from civil_rgbd.health.extrinsics import extrinsics_figure
 from civil_rgbd.health.inspection import choose
+from civil_rgbd.health.offset_figures import change_figures, largest_of_each, offset_figure
 from civil_rgbd.health.pictures import look_at_pictures, picture_figures
 from civil_rgbd.health.rates import common_span, rate_figures, timing_figures, unknown_figures
 from civil_rgbd.health.rates import drift_figure as clock_figure
 from civil_rgbd.health.sampling import Stretch, image_stamps, stretch_starts, stretches_of
 from civil_rgbd.health.steadiness import drift_figure, jump_figures
-from civil_rgbd.health.tracks import Pair, pairs_of, tracks_of
-from civil_rgbd.health.turning import TimeOffset, time_offset
+from civil_rgbd.health.tracks import Pair, pairs_of
+from civil_rgbd.health.turning import time_offset
 from civil_rgbd.health.views import Views, viewer_of
 
 _NO_POSES = "the recording has no poses yet"
 _OF_POSES = ("pose-rate", "pose-gap", "pose-jump", "pose-jerk")
 
-_OF_MOUNTING = frozenset({"time-offset", "extrinsics", "rig-inverted"})
+_OF_MOUNTING = frozenset({"clock-drift", "time-offset", "extrinsics", "rig-inverted"})
 _OF_PICTURES = ("images-broken", "overexposed-start", "overexposed", "too-dark", "blurred")
 _OF_STRETCHES = _OF_MOUNTING | {"pose-drift"}
 
@@ -87,7 +88,7 @@ def check_recording(
             figures += _mounting(given, stretches, pairs, views)
         figures += [*_work_off(left, given), *there.result()]
     place = {code: number for number, code in enumerate(CHECKS)}
-    figures = [figure for figure in figures if figure.code in wanted]
+    figures = largest_of_each(figure for figure in figures if figure.code in wanted)
     return tuple(sorted(figures, key=lambda figure: place[figure.code]))
 
 
@@ -172,8 +173,9 @@ def _mounting(
         yield Figure("extrinsics", None, _NO_POSES)
         yield _inverted(recording)
         return
-    offset = time_offset(recording, tracks_of(recording, pairs))
-    yield _offset_figure(recording, offset)
+    offset = time_offset(recording, pairs)
+    yield offset_figure(recording, offset)
+    yield from change_figures(offset.change)
     if offset.offset_s is None:
         # Unless it turns, an image's instant and the camera's turn cannot be told apart.
         yield Figure("extrinsics", None, offset.why_not)
@@ -182,20 +184,6 @@ def _mounting(
     turned = extrinsics_figure(recording, stretches, pairs, views, offset.offset_s)
     yield turned
     yield _inverted(recording) if turned.value is None else Figure("rig-inverted", 0.0)
-
-
-def _offset_figure(recording: Recording, offset: TimeOffset) -> Figure:
-    if offset.offset_s is None:
-        return Figure("time-offset", None, offset.why_not)
-    whole_s = recording.rig.camera_time_offset_s + offset.offset_s
-    return Figure(
-        "time-offset",
-        1000 * abs(offset.offset_s),
-        f"{1000 * offset.offset_s:+.1f} ms are to be added to the images' stamps; the sensors turn "
-        f"at {offset.rate_rad_s:.2f} rad/s RMS",
-        fix=f"write camera_time_offset_s = {whole_s:.4f} into the rig file (--rig)",
-        sigma=1000 * offset.sigma_s,
-    )
 
 
 def _inverted(recording: Recording) -> Figure:
