@@ -102,6 +102,34 @@ def _image_rate(extent: Extent, rng: Rng) -> Variant:
     return Variant(keep_every(CAMERA, step), {"step": step})
 
 
+def _thinned(topics: tuple[str, ...], least: int, most: int) -> Callable[[Extent, Rng], Variant]:
+    def plant(extent: Extent, rng: Rng) -> Variant:
+        del extent
+        step = int(rng.integers(least, most))
+        return Variant(keep_every(topics, step), {"step": step})
+
+    return plant
+
+
+def _end(
+    topics: tuple[str, ...], least_s: float, most_s: float
+) -> Callable[[Extent, Rng], Variant]:
+    def plant(extent: Extent, rng: Rng) -> Variant:
+        seconds, late = rng.uniform(least_s, most_s), bool(rng.random() < 0.5)
+        start_ns = extent.first_ns if late else extent.last_ns - round(seconds * 1e9)
+        edit = silence(topics, start_ns, seconds + 0.1)
+        return Variant(edit, {"seconds": seconds, "at": 0.0 if late else 1.0})
+
+    return plant
+
+
+def _either(*plants: Callable[[Extent, Rng], Variant]) -> Callable[[Extent, Rng], Variant]:
+    def plant(extent: Extent, rng: Rng) -> Variant:
+        return plants[int(rng.integers(len(plants)))](extent, rng)
+
+    return plant
+
+
 def _clock_drift(extent: Extent, rng: Rng) -> Variant:
     drift_ms = float(rng.choice([-1, 1]) * rng.uniform(20, 60))
     topics = CAMERA if rng.random() < 0.5 else (IMU,)
@@ -203,12 +231,14 @@ def _coverage(extent: Extent, rng: Rng) -> Variant:
 def _pose_jump(extent: Extent, rng: Rng) -> Variant:
     metres, at_ns = rng.uniform(0.2, 1.0), extent.at(rng.uniform(0.2, 0.8))
     way = rng.normal(size=3)
-    step = metres * way / np.sqrt((way**2).sum())
+    moves_m = metres * way / np.sqrt((way**2).sum())
 
     def moved(stamp_ns, place, turn):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # as move_poses'
-        return [*(place + step * (stamp_ns >= at_ns)), *turn]
+        return [*(place + moves_m * (stamp_ns >= at_ns)), *turn]
 
-    return Variant(move_poses(moved), {"metres": metres})
+    step = int(rng.integers(1, 15))  # 14 to 200 Hz
+    edit = chained(keep_every((ODOMETRY,), step), move_poses(moved))
+    return Variant(edit, {"metres": metres, "step": step})
 
 
 def _pose_jerk(extent: Extent, rng: Rng) -> Variant:
@@ -219,7 +249,9 @@ def _pose_jerk(extent: Extent, rng: Rng) -> Variant:
         new = turn if stamp_ns < at_ns else quaternion_of(matrix_of(turn) @ R)
         return [*place, *new]
 
-    return Variant(move_poses(moved), {"degrees": degrees})
+    step = int(rng.integers(1, 6))  # below 40 Hz a walk's own turns hide some
+    edit = chained(keep_every((ODOMETRY,), step), move_poses(moved))
+    return Variant(edit, {"degrees": degrees, "step": step})
 
 
 def _pose_drift(extent: Extent, rng: Rng) -> Variant:
@@ -234,14 +266,17 @@ def _pose_drift(extent: Extent, rng: Rng) -> Variant:
 
 
 FAULTS: Final[dict[str, Callable[[Extent, Rng], Variant]]] = {
+    "lidar-rate": _thinned((LIDAR,), 4, 7),
     "image-rate": _image_rate,
+    "imu-rate": _thinned((IMU,), 4, 8),
+    "pose-rate": _thinned((ODOMETRY,), 80, 160),
     "scans-dropped": _scans_dropped,
     "images-dropped": _images_dropped,
     "imu-dropped": _imu_dropped,
-    "lidar-gap": _gap((LIDAR,), 0.8, 2.0),
-    "image-gap": _gap(CAMERA, 1.1, 2.5),
-    "imu-gap": _gap((IMU,), 0.2, 1.0),
-    "pose-gap": _gap((ODOMETRY,), 0.55, 1.5),
+    "lidar-gap": _either(_gap((LIDAR,), 0.8, 2.0), _end((LIDAR,), 2.4, 5.0)),
+    "image-gap": _either(_gap(CAMERA, 1.1, 2.5), _end(CAMERA, 2.4, 5.0)),
+    "imu-gap": _either(_gap((IMU,), 0.2, 1.0), _end((IMU,), 2.4, 5.0)),
+    "pose-gap": _either(_gap((ODOMETRY,), 0.55, 1.5), _end((ODOMETRY,), 4.4, 6.0)),
     "clock-drift": _clock_drift,
     "images-broken": _images_broken,
     "overexposed-start": _overexposed_start,

@@ -118,7 +118,9 @@ CHECKS: Final[Mapping[str, Check]] = MappingProxyType({
     ),
     "pose-drift": Check(
         "points of different times moving apart", "m/s", 0.03,
-        "compute the poses again with a loop closed, or walk slower in sight of more structure",
+        "see that the LiDAR's stamps and the poses are of one clock: an offset between them looks "
+        "like this; else compute the poses again with a loop closed, or walk slower in sight of "
+        "more structure",
     ),
     "frames": Check(
         "frames expected with the recipe", "", 1.0,

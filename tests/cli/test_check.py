@@ -118,7 +118,7 @@ def test_a_recording_that_is_no_file_is_checked_as_well(
 
 def test_every_fault_that_is_planted_is_a_check_and_most_checks_are_planted() -> None:
     assert set(FAULTS) <= set(CHECKS)
-    assert set(CHECKS) - set(FAULTS) == {"lidar-rate", "imu-rate", "pose-rate", "frames"}
+    assert set(CHECKS) - set(FAULTS) == {"frames"}
 
 
 def test_a_limit_is_the_last_fit_value() -> None:
