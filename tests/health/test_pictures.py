@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 from math import comb
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from civil_rgbd.converters import open_recording
+from civil_rgbd.domain.recording import RecordingOptions
 from civil_rgbd.health.checks import CHECKS, Figure
 from civil_rgbd.health.looks import Look, look_at, smear_of
-from civil_rgbd.health.pictures import PictureSamples, picture_figures, spread
+from civil_rgbd.health.pictures import (
+    PictureSamples,
+    look_at_pictures,
+    picture_figures,
+    spread,
+)
+from civil_rgbd.health.views import viewer_of
+
+from ..recording_faults import Edit, brighten, repaint, rewrite, scattered, truncate
 
 SHARP = Look(white=0.05, seen=1.0, brightness=120.0, smear=0.2)
 WHITE = Look(white=0.6, seen=1.0, brightness=220.0, smear=0.2)
@@ -141,3 +152,38 @@ def test_a_fault_of_twice_the_limit_is_found_but_for_few_in_1000() -> None:
     ) / comb(images, looked_at)
 
     assert none_of_60 + too_few < 0.005
+
+
+def _seen(walk: Path, out: Path, edit: Edit) -> PictureSamples:
+    recording = open_recording(rewrite(walk, out, edit), RecordingOptions())
+    return look_at_pictures(recording, viewer_of(recording.rig.camera))
+
+
+def test_all_of_a_short_recording_is_looked_at_only_where_a_picture_is_at_fault(
+    turning_walk: Path, tmp_path: Path
+) -> None:
+    some = scattered(0.1, np.random.default_rng(1))
+
+    fit = _seen(turning_walk, tmp_path / "fit.mcap", lambda message: [message])
+    cut = _seen(turning_walk, tmp_path / "cut.mcap", truncate(some, 200))
+
+    assert len(fit.looks) == 60
+    assert None not in fit.looks
+    assert len(cut.looks) in {90, 91}
+    assert cut.looks.count(None) in {9, 10}
+
+
+def test_a_start_white_for_six_seconds_is_told_from_the_rest(
+    turning_walk: Path, tmp_path: Path
+) -> None:
+    first_ns: list[int] = []
+
+    def early(stamp_ns: int) -> bool:
+        first_ns[:] = first_ns or [stamp_ns]
+        return stamp_ns < first_ns[0] + 6_000_000_000
+
+    edit = repaint(early, lambda pixels, _: brighten(pixels, 40))
+    samples = _seen(turning_walk, tmp_path / "white.mcap", edit)
+
+    assert samples.start_s == pytest.approx(6.0, abs=0.2)
+    assert not {f.code: f for f in picture_figures(samples)}["overexposed"].found
