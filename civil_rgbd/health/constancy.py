@@ -20,7 +20,7 @@ _NAMES: Final = ("first", "second", "third", "last")
 
 _REACH_S, _STEP_S = 0.2, 0.01
 _FEWEST: Final = 5
-_SURE_S, _SHARE = 0.003, 0.1
+_SURE_S, _SHARE = 0.006, 0.1
 _ROUNDS: Final = 2
 _LEAST_SIGMA_S: Final = 0.001
 """What is left of the camera's way makes parts differ, however many features there are."""
