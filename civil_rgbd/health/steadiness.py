@@ -34,6 +34,8 @@ _DOUBT_M: Final = 0.2
 """Neighbouring points share their errors: a hundred of them say what one of 2 cm says."""
 _PRIOR: Final = np.diag(_DOUBT_M**2 / np.array([*[_USUAL_RAD] * 3, *[_USUAL_M] * 3]) ** 2)
 _HELD_SHARE: Final = 0.015
+_ALWAYS: Final = 0.9
+"""A direction that so large a share of the pairs leaves open was not judged at all."""
 
 
 def jump_figures(trajectory: Trajectory) -> Iterator[Figure]:
@@ -126,12 +128,14 @@ def drift_figure(stretches: Sequence[Stretch]) -> Figure:
         how fast they move apart; not observable where none overlap.
     """
     worst: tuple[float, str] | None = None
-    compared = 0
+    compared, unheld = 0, np.zeros((3, 3))
     for earlier, later in _pairs(stretches):
-        apart_m = disagreement(earlier.points_map, later.points_map)
-        if apart_m is None:
+        found = disagreement(earlier.points_map, later.points_map)
+        if found is None:
             continue
+        apart_m, axes = found
         compared += 1
+        unheld += (axes[:, :, np.newaxis] * axes[:, np.newaxis]).sum(axis=0)
         span_s = (later.start_ns - earlier.start_ns) / NS_PER_S
         after_s = (earlier.start_ns - stretches[0].start_ns) / NS_PER_S
         said = f"{apart_m:.3f} m within {span_s:.1f} s, {after_s:.0f} s after the start"
@@ -139,7 +143,20 @@ def drift_figure(stretches: Sequence[Stretch]) -> Figure:
             worst = apart_m / span_s, said
     if worst is None:
         return Figure("pose-drift", None, "no two stretches see the same surfaces at times apart")
-    return Figure("pose-drift", worst[0], f"{worst[1]}; {compared} pairs compared")
+    said = f"{worst[1]}; {compared} pairs compared{_blind(unheld / compared)}"
+    return Figure("pose-drift", worst[0], said)
+
+
+def _blind(unheld: Floats) -> str:
+    """Name the directions in which a drift would not show: unheld (3, 3), mean over all pairs."""
+    shares, axes = np.linalg.eigh(unheld)
+    blind = axes.T[shares > _ALWAYS]
+    if not len(blind):
+        return ""
+    # An axis has no sense: its largest part is told as positive.
+    told = [axis * np.sign(axis[np.abs(axis).argmax()]) for axis in blind]
+    names = " and ".join(f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in np.array(told) + 0.0)
+    return f"; no plane holds the map's direction {names}: a drift along it is not seen"
 
 
 def _pairs(stretches: Sequence[Stretch]) -> Iterator[tuple[Stretch, Stretch]]:
@@ -150,7 +167,7 @@ def _pairs(stretches: Sequence[Stretch]) -> Iterator[tuple[Stretch, Stretch]]:
                 break
 
 
-def disagreement(target_map: Floats, source_map: Floats) -> float | None:
+def disagreement(target_map: Floats, source_map: Floats) -> tuple[float, Floats] | None:
     """Say how far the second cloud must be moved to lie on the planes of the first.
 
     Args:
@@ -158,8 +175,8 @@ def disagreement(target_map: Floats, source_map: Floats) -> float | None:
         source_map: (M, 3) metres.
 
     Returns:
-        metres, at the middle of what both see; directions that no plane fixes count as agreed.
-        None where they share too little.
+        metres, at the middle of what both see; and (K, 3) directions, map frame, that no plane
+        fixes: they count as agreed. None where they share too little.
     """
     planes = planes_of(cells_of(target_map))
     source = source_map[:: max(1, len(source_map) // _SOURCE_POINTS)]
@@ -183,7 +200,7 @@ def disagreement(target_map: Floats, source_map: Floats) -> float | None:
     )
     held = known > _HELD_SHARE * normal[3:, 3:].trace()
     along = (axes.T @ shift) * held
-    return float(np.sqrt((along**2).sum())) if held.any() else None
+    return (float(np.sqrt((along**2).sum())), axes.T[~held]) if held.any() else None
 
 
 def _plane_of(planes: Planes, points: Floats) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
