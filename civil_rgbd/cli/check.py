@@ -101,16 +101,21 @@ def gather(
         inspected = (
             second.submit(inspect_recording, source, options) if can_inspect(source) else None
         )
+        refused: str | None = None
         try:
-            recording, posed = open_recording(source, options), True
+            recording = open_recording(source, options)
         except CivilRgbdError as error:
             try:
-                recording, posed = open_recording(source, _standing_still(options)), False
+                recording = open_recording(source, _standing_still(options))
+                refused = error.what
             except CivilRgbdError:
                 raise error from None  # what is missing beside poses is said first
         summary = inspected.result() if inspected is not None else None
     said = findings_of(summary, options) if summary is not None else ()
-    return CheckInput(recording, posed, summary, options), _not_said_twice(said)
+    given = CheckInput(recording, refused is None, summary, options)
+    if refused is not None and not any(finding.code == "no-poses" for finding in said):
+        given = replace(given, why_not_posed=refused)  # there are poses, but none to be used
+    return given, _not_said_twice(said)
 
 
 def _standing_still(options: RecordingOptions) -> RecordingOptions:

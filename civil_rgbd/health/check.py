@@ -28,7 +28,6 @@ from civil_rgbd.health.tracks import Pair, pairs_of
 from civil_rgbd.health.turning import time_offset
 from civil_rgbd.health.views import Views, viewer_of
 
-_NO_POSES = "the recording has no poses yet"
 _OF_POSES = ("pose-rate", "pose-gap", "pose-jump", "pose-jerk")
 
 _OF_MOUNTING = frozenset({"clock-drift", "time-offset", "extrinsics", "rig-inverted"})
@@ -48,12 +47,14 @@ class CheckInput:
         posed: whether it has poses.
         summary: what it holds; None of sources that are not inspected.
         options: with which it was opened.
+        why_not_posed: in words.
     """
 
     recording: Recording
     posed: bool
     summary: RecordingSummary | None
     options: RecordingOptions
+    why_not_posed: str = "the recording has no poses yet"
 
 
 def check_recording(
@@ -151,7 +152,7 @@ def _pictures(given: CheckInput) -> Iterator[Figure]:
 
 def _poses(given: CheckInput) -> Iterator[Figure]:
     if not given.posed:
-        yield from (Figure(code, None, _NO_POSES) for code in _OF_POSES)
+        yield from (Figure(code, None, given.why_not_posed) for code in _OF_POSES)
         return
     recording = given.recording
     # Where only one of the two measures, no frame is made, and no pose is missed.
@@ -161,7 +162,10 @@ def _poses(given: CheckInput) -> Iterator[Figure]:
 
 
 def _drift(stretches: Sequence[Stretch], given: CheckInput) -> Iterator[Figure]:
-    yield drift_figure(stretches) if given.posed else Figure("pose-drift", None, _NO_POSES)
+    if given.posed:
+        yield drift_figure(stretches)
+    else:
+        yield Figure("pose-drift", None, given.why_not_posed)
 
 
 def _mounting(
@@ -169,8 +173,8 @@ def _mounting(
 ) -> Iterator[Figure]:
     recording = given.recording
     if not given.posed:
-        yield Figure("time-offset", None, _NO_POSES)
-        yield Figure("extrinsics", None, _NO_POSES)
+        yield Figure("time-offset", None, given.why_not_posed)
+        yield Figure("extrinsics", None, given.why_not_posed)
         yield _inverted(recording)
         return
     offset = time_offset(recording, pairs)
@@ -205,4 +209,4 @@ def _coverage(recipe: Recipe, given: CheckInput) -> Iterator[Figure]:
     if given.posed:
         yield from coverage_figures(given.recording, recipe)
     else:
-        yield from (Figure(code, None, _NO_POSES) for code in ("frames", "coverage"))
+        yield from (Figure(code, None, given.why_not_posed) for code in ("frames", "coverage"))

@@ -14,7 +14,7 @@ from civil_rgbd.simulator.recorder import write_recording
 from civil_rgbd.simulator.spec import ScanSpec
 
 from ..planted import FAULTS, clean
-from ..recording_faults import ODOMETRY, TRANSFORMS, drop, extent_of, rewrite
+from ..recording_faults import ODOMETRY, TRANSFORMS, drop, extent_of, restamp, rewrite
 
 FAR_M = (540_000.0, 4_810_000.0, 330.0)
 WALKS = {
@@ -90,6 +90,20 @@ def test_a_recording_without_poses_is_checked_for_the_rest(
     assert states["blurred"] == "fit"
     assert states["pose-drift"] == "not observable"
     assert states["coverage"] == "not observable"
+
+
+def test_poses_that_cannot_be_used_are_not_said_to_be_absent(
+    short_walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    halved = restamp((ODOMETRY,), lambda ns: ns - ns % 10_000_000)  # two poses to a stamp
+    twice = rewrite(short_walk, tmp_path / "twice.mcap", halved)
+
+    _, document = _checked(twice, capsys)
+    jump = next(figure for figure in document["figures"] if figure["code"] == "pose-jump")
+
+    assert jump["state"] == "not observable"
+    assert "stamp" in jump["detail"]
+    assert "no poses yet" not in jump["detail"]
 
 
 def test_a_recording_that_no_build_can_open_is_an_error(
