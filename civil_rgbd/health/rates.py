@@ -134,25 +134,18 @@ def _seconds(ns: float) -> str:
     return f"{ns / NS_PER_S:.1f} s"
 
 
-def drift_figure(
-    summary: RecordingSummary | None,
-    chosen: dict[str, TopicSummary],
-    seen_ms: tuple[float, float] | None = None,
-) -> Figure:
+def drift_figure(summary: RecordingSummary | None, chosen: dict[str, TopicSummary]) -> Figure:
     """Compare how header stamps run against the recorder's clock, sensor by sensor.
 
     Args:
         summary: None where the source knows no log times.
         chosen: the topics by role; the LiDAR's clock is the one that others are compared with.
-        seen_ms: how far the camera's clock falls behind the LiDAR's as seen otherwise, and the
-            standard error; None where it was not.
     """
     sure_ms = CHECKS["clock-drift"].limit / 3
     logged, why_not = _by_log_times(summary, chosen)
-    seen = () if seen_ms is None or seen_ms[1] > sure_ms else ((*seen_ms, _NAMES["image"]),)
-    if not logged and not seen:
+    if not logged:
         return Figure("clock-drift", None, why_not)
-    drift_ms, doubt_ms, name = max((*seen, *logged), key=lambda drift: abs(drift[0]))
+    drift_ms, doubt_ms, name = max(logged, key=lambda drift: abs(drift[0]))
     if doubt_ms > sure_ms:
         return Figure(
             "clock-drift", None, f"messages are logged too unevenly: +- {doubt_ms:.0f} ms"
