@@ -18,7 +18,9 @@ from civil_rgbd.domain.recipe import Recipe
 from civil_rgbd.domain.recording import Recording
 from civil_rgbd.errors import BuildError, FormatError, UsageError
 from civil_rgbd.format.atomic import whole_file, writing
+from civil_rgbd.format.documents import schema_faults
 from civil_rgbd.format.layout import BRIDGES, DEFECTS, MANIFEST, PARTIAL, is_bridge
+from civil_rgbd.format.manifest import KIND as MANIFEST_KIND
 from civil_rgbd.format.manifest import manifest_to_document, read_manifest
 from civil_rgbd.pipeline.prepare import local_origin
 from civil_rgbd.storage.places import Place, is_remote, remove_tree
@@ -135,6 +137,24 @@ def manifest_before(
         quality=quality_record(recipe),
         warnings=notes.warnings,
     )
+
+
+def require_fit_for_schema(wanted: Manifest) -> None:
+    """Refuse, before any frame is made, a manifest that could not be written in the end.
+
+    Raises:
+        BuildError: it breaks its schema; every fault is listed with its JSON path.
+    """
+    faults = schema_faults(manifest_to_document(wanted), kind=MANIFEST_KIND)
+    if faults:
+        listing = "".join(f"\n    {path}: {words}" for path, words in faults)
+        raise BuildError(
+            f"the manifest that this build would write breaks its schema:{listing}",
+            where=f"bridge {wanted.info.bridge_id!r}",
+            fix="change what is given there: $.recipe is --recipe and --set, $.rig the rig, "
+            "$.sources the recording; a value that is right by docs/format.md is a fault of "
+            "civil-rgbd: report it",
+        )
 
 
 def quality_record(recipe: Recipe) -> dict[str, object] | None:

@@ -14,6 +14,7 @@ from civil_rgbd.builder.bridge import (
     prepare_partial,
     remove_left_over,
     remove_partial,
+    require_fit_for_schema,
     require_free_id,
 )
 from civil_rgbd.builder.checks import check_before_start, require_images_fit
@@ -189,7 +190,8 @@ def begin(order: Order, manner: Manner, *, place: tuple[int, int]) -> BridgeBuil
     Raises:
         UsageError: the bridge's id does not fit.
         RecordingError: the recording lacks something.
-        BuildError: nothing would come out, or something else lies where the bridge should.
+        BuildError: nothing would come out, its manifest would break the schema, or something else
+            lies where the bridge should.
         OutputError: the folder cannot be written, or somebody else writes there.
     """
     started = time.monotonic()
@@ -202,6 +204,7 @@ def begin(order: Order, manner: Manner, *, place: tuple[int, int]) -> BridgeBuil
     require_images_fit(recording, undistort=manner.recipe.image.undistort)
     plan = plan_frames(recording, manner.recipe)
     wanted = manifest_before(recording, manner.recipe, order.info, manner.overrides)
+    require_fit_for_schema(wanted)
     maker = FrameMaker(recording, manner.recipe)
     partial = dataset / PARTIAL / bridge_id
     build = BridgeBuild(
