@@ -108,22 +108,31 @@ def command(
     from civil_rgbd.cli.progress import frame_bar
     from civil_rgbd.simulator.camera import raw_camera
     from civil_rgbd.simulator.recorder import write_recording
-    from civil_rgbd.simulator.truth import remove_truth, write_truth
+    from civil_rgbd.simulator.truth import (
+        remove_truth,
+        require_free_truth,
+        truth_folder,
+        write_truth,
+    )
 
     out = _only(out, named_out)
     refuse_remote(out, option="OUT")
     errors = {"extrinsic_error_deg": extrinsic_error_deg, "extrinsic_error_m": extrinsic_error_m}
     spec = _spec(settings, others, {k: v for k, v in errors.items() if v is not None})
     beside = {name: (out.with_suffix(_BESIDE[name][0]), _BESIDE[name][1]) for name in without}
+    require_free_truth(out, overwrite=overwrite)
     if not overwrite:
         _refuse_to_overwrite([path for path, _ in beside.values()])
     with frame_bar("simulate") as on_progress:
         write_recording(out, spec, without=without, overwrite=overwrite, progress=on_progress)
-    remove_truth(out)  # of the file that was there before: it would now be a lie
+    truth_removed = remove_truth(out)  # of the file that was there: it would now be a lie
+    truth = truth or truth_depth_scale is not None
     print(f"{out}: {spec.seconds:g} s of bridge {spec.bridge!r}, {out.stat().st_size / 1e6:.1f} MB")
     for name, (path, text_of) in beside.items():
         print(f"{_write(path, text_of(spec))}: the {name}, which the recording lacks")
-    if truth or truth_depth_scale is not None:
+    if truth_removed and not truth:
+        print(f"{truth_folder(out)}: removed, for it was of the recording that was replaced")
+    if truth:
         pinhole = raw_camera(spec.image_scale).pinhole
         camera = None if truth_depth_scale is None else pinhole.scaled(truth_depth_scale)
         print(f"{write_truth(out, spec, depth_camera=camera)}: the truth; no build reads it")

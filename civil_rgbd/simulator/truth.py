@@ -33,6 +33,7 @@ from civil_rgbd.simulator.walk import (
     pose_stamps_ns,
 )
 
+_SCENE = "scene.json"
 _COLUMNS = "stamp_ns,tx,ty,tz,qx,qy,qz,qw"
 
 
@@ -51,14 +52,15 @@ def write_truth(
     """Write the truth of a recording beside it, replacing what is there; whole or absent.
 
     Args:
-        recording: the MCAP file.
+        recording: the file that it is the truth of.
         spec: what it was simulated from.
         depth_camera: the pinhole to write the depth of every image for; None writes no depth.
 
     Returns:
-        the folder: ``scene.json`` (dimensions, spalls, what moves, sensors, spec), ``scene.ply``
-        (the faces of all that stands), ``defects.json`` (each spall in the image that sees it
-        best, in pixels of ``depth_camera`` or else of the raw images without their lens),
+        the folder: ``scene.json`` (the recording's name, dimensions, spalls, what moves, sensors,
+        spec), ``scene.ply`` (the faces of all that stands), ``defects.json`` (each spall in the
+        image that sees it best, in pixels of ``depth_camera`` or else of the raw images without
+        their lens),
         ``images.csv`` (``T_map_camera`` of each image at its true instant), ``poses.csv``
         (``T_map_imu``, 200 Hz), ``depth/000000.npy`` (float64 metres, 0 where the sky is).
 
@@ -70,7 +72,7 @@ def write_truth(
     try:
         try:
             scratch.mkdir(parents=True)
-            _write_documents(scratch, spec)
+            _write_documents(scratch, spec, recording.name)
             _write_defects(scratch, spec, depth_camera or raw_camera(spec.image_scale).pinhole)
             if depth_camera is not None:
                 _write_depth(scratch / "depth", spec, depth_camera)
@@ -87,28 +89,72 @@ def write_truth(
     return folder
 
 
-def remove_truth(recording: Path) -> None:
-    """Remove the truth of a recording, if there is one.
+def require_free_truth(recording: Path, *, overwrite: bool) -> None:
+    """Refuse to write a recording where the truth of another one lies.
+
+    ``raw.mcap`` and ``raw.bag`` would have the same folder.
+
+    Args:
+        recording: the file to be written.
+        overwrite: a truth whose recording is gone may be replaced.
+
+    Raises:
+        OutputError: the folder is another's, or no truth, or may not be replaced.
+    """
+    folder = truth_folder(recording)
+    if not folder.exists():
+        return
+    said = _recording_of(folder)
+    if said is None:
+        what, fix = "and says of no recording that it is its truth", "move it away"
+    elif (owner := recording.with_suffix(Path(said).suffix)) != recording and owner.exists():
+        what, fix = f"the truth of {owner.name}", f"move {owner.name} and it away"
+    elif not overwrite and not recording.exists():
+        what, fix = f"the truth of {owner.name}, which is gone", "give --overwrite"
+    else:
+        return  # it goes with the recording that is replaced
+    raise OutputError(
+        f"{folder.name} is there already, {what}",
+        where=folder,
+        fix=f"choose another name, or {fix}",
+    )
+
+
+def _recording_of(folder: Path) -> str | None:
+    """Return the name of the recording that a truth is of; None where it does not say."""
+    try:
+        document = json.loads((folder / _SCENE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    name = document.get("recording") if isinstance(document, dict) else None
+    return name if isinstance(name, str) else None
+
+
+def remove_truth(recording: Path) -> bool:
+    """Remove the truth of a recording, and say whether there was one.
 
     Raises:
         OutputError: it cannot be removed.
     """
     folder = truth_folder(recording)
     try:
-        if folder.exists():
-            shutil.rmtree(folder)
+        if not folder.exists():
+            return False
+        shutil.rmtree(folder)
     except OSError as error:
         raise OutputError(
             f"cannot remove the truth of another scan: {error.strerror or error}",
             where=folder,
             fix="remove the folder, or write elsewhere",
         ) from error
+    return True
 
 
-def _write_documents(folder: Path, spec: ScanSpec) -> None:
+def _write_documents(folder: Path, spec: ScanSpec, recording: str) -> None:
     site = site_for(spec)
     scene = site.scene
     document = {
+        "recording": recording,
         "spec": spec.document(),
         "dimensions_m": scene.dimensions_m,
         "spalls": [_spall_document(spall, spec.map_offset_m) for spall in site.spalls],
@@ -121,7 +167,7 @@ def _write_documents(folder: Path, spec: ScanSpec) -> None:
         "T_lidar_camera": T_LIDAR_CAMERA.tolist(),
     }
     text = json.dumps(document, indent=2) + "\n"
-    (folder / "scene.json").write_text(text, encoding="utf-8")
+    (folder / _SCENE).write_text(text, encoding="utf-8")
     mesh = scene.mesh()
     mesh.apply_translation(spec.map_offset_m)
     (folder / "scene.ply").write_bytes(mesh.export(file_type="ply"))

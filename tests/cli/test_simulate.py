@@ -41,7 +41,9 @@ def test_the_truth_is_written_beside_it_on_request(tmp_path: Path) -> None:
     ]
 
 
-def test_overwriting_without_truth_removes_the_old_truth(tmp_path: Path) -> None:
+def test_overwriting_without_truth_removes_the_old_truth_and_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = str(tmp_path / "raw.mcap")
     assert main(["simulate", out, *QUICK, "--truth"]) == 0
     assert (tmp_path / "raw.truth").exists()
@@ -49,6 +51,60 @@ def test_overwriting_without_truth_removes_the_old_truth(tmp_path: Path) -> None
     assert main(["simulate", out, *QUICK, "--seed", "1", "--overwrite"]) == 0
 
     assert not (tmp_path / "raw.truth").exists()
+    assert "raw.truth: removed" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("options", [[], ["--overwrite"], ["--truth"], ["--truth", "--overwrite"]])
+def test_the_truth_of_another_recording_of_that_name_is_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str]
+) -> None:
+    assert main(["simulate", str(tmp_path / "st.bag"), *QUICK, "--seed", "7", "--truth"]) == 0
+    capsys.readouterr()
+
+    code = main(["simulate", str(tmp_path / "st.mcap"), *QUICK, *options])
+
+    assert code == 2
+    said = capsys.readouterr().err
+    assert "st.truth is there already, the truth of st.bag" in said
+    assert "choose another name" in said
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["st.bag", "st.truth"]
+    assert json.loads((tmp_path / "st.truth/scene.json").read_text())["spec"]["seed"] == 7
+
+
+def test_a_truth_whose_recording_is_gone_is_replaced_on_request_only(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", str(tmp_path / "raw.bag"), *QUICK, "--truth"]) == 0
+    (tmp_path / "raw.bag").unlink()
+    command = ["simulate", str(tmp_path / "raw.mcap"), *QUICK]
+
+    assert main(command) == 2
+    assert "the truth of raw.bag, which is gone" in capsys.readouterr().err
+    assert main([*command, "--truth", "--overwrite"]) == 0
+    assert json.loads((tmp_path / "raw.truth/scene.json").read_text())["recording"] == "raw.mcap"
+
+
+def test_a_folder_that_is_no_truth_is_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "raw.truth").mkdir()
+    (tmp_path / "raw.truth/precious.txt").write_text("by hand")
+
+    assert main(["simulate", str(tmp_path / "raw.mcap"), *QUICK, "--overwrite"]) == 2
+
+    assert "says of no recording" in capsys.readouterr().err
+    assert [entry.name for entry in tmp_path.rglob("*")] == ["raw.truth", "precious.txt"]
+
+
+def test_a_truth_that_was_renamed_with_its_recording_stays_its_own(tmp_path: Path) -> None:
+    out = tmp_path / "new.mcap"
+    assert main(["simulate", str(tmp_path / "raw.mcap"), *QUICK, "--truth"]) == 0
+    (tmp_path / "raw.mcap").rename(out)
+    (tmp_path / "raw.truth").rename(tmp_path / "new.truth")
+    assert main(["simulate", str(tmp_path / "raw.mcap"), *QUICK]) == 0
+
+    assert main(["simulate", str(out), *QUICK, "--overwrite"]) == 0
+    assert not (tmp_path / "new.truth").exists()
 
 
 @pytest.mark.parametrize(
