@@ -7,8 +7,8 @@ drifting poses, with and without traffic; windows before, around and after the i
 without the filter of ``250k-clean``. Writes ``docs/accumulation/conditions.csv`` (a row a condition
 and bridge), the plots beside it, and the tables of ``docs/accumulation.md``: some fifteen minutes
 of one core. Scenes that are finished stay in the scratch folder, and are not measured again until
-the measuring changes. ``--quick`` tries it out, and touches no page. ``--page-only`` draws
-plots and tables of the CSV that is there.
+the simulator, the pipeline, a recipe or the measuring changes. ``--quick`` tries it out, and
+touches no page. ``--page-only`` draws plots and tables of the CSV that is there.
 
 Plots ask for ``pip install "civil-rgbd[bench]"``.
 """
@@ -16,7 +16,6 @@ Plots ask for ``pip install "civil-rgbd[bench]"``.
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 import sys
 import time
@@ -30,6 +29,7 @@ from accumulation_page import renew_tables
 from accumulation_plots import draw_plots
 from accumulation_scenes import QUICK, Effort, Row, Scene, measured, scenes
 from accumulation_table import read_rows, write_rows
+from measured_code import measuring_key
 
 from civil_rgbd.resources import cache_folder
 
@@ -39,11 +39,8 @@ CSV_NAME: Final = "conditions.csv"
 
 def finished(scene: Scene, effort: Effort, scratch: Path) -> list[Row]:
     """Measure a scene, or read what was measured before."""
-    sources = [Path(__file__).with_name(f"{name}.py") for name in _MEASURING]
-    key = hashlib.sha256(repr((scene, effort)).encode())
-    for source in sources:
-        key.update(source.read_bytes())
-    path = scratch / f"{scene.bridge}-{scene.motion}-{key.hexdigest()[:16]}.json"
+    key = measuring_key(repr((scene, effort)), _MEASURING)
+    path = scratch / f"{scene.bridge}-{scene.motion}-{key}.json"
     if not path.exists():
         scratch.mkdir(parents=True, exist_ok=True)
         rows = [asdict(row) for row in measured(scene, effort)]

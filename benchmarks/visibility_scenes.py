@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from measured_code import measuring_key
 from numpy.typing import NDArray
 
 from civil_rgbd.builder.plan import plan_frames
@@ -44,6 +44,7 @@ class Walk:
         drift: recorded poses drift as in the field.
         moving: cars and people move about.
         seconds: length of the walk.
+        image_scale: stored size / raw size.
     """
 
     bridge: str
@@ -52,6 +53,7 @@ class Walk:
     drift: bool = False
     moving: bool = False
     seconds: int = 44
+    image_scale: float = 0.6
 
     @property
     def spec(self) -> ScanSpec:
@@ -77,6 +79,7 @@ class Walk:
         return replace(
             recipe,
             accumulate=replace(recipe.accumulate, points=self.points),
+            image=replace(recipe.image, scale=self.image_scale),
             visibility=replace(stage, points=round(stage.points * times)),
         )
 
@@ -99,10 +102,10 @@ class Frames:
 
 
 def walked(walk: Walk, cache: Path) -> Frames:
-    """Return the frames of a walk; simulated once, then read from the cache."""
+    """Return the frames of a walk, from the cache where it has those of this very code."""
     asked = {"walk": asdict(walk), "spec": walk.spec.text(), "recipe": _drawn(walk.recipe)}
-    digest = hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()
-    path = cache / f"{walk.bridge}-{digest[:16]}.npz"
+    key = measuring_key(json.dumps(asked, sort_keys=True), _MEASURING)
+    path = cache / f"{walk.bridge}-{key}.npz"
     names = ("depth_m", "surface_m", "truth_m", "kind")
     if not path.exists():
         columns = zip(*simulated(walk), strict=True)
@@ -112,6 +115,9 @@ def walked(walk: Walk, cache: Path) -> Frames:
         scratch.replace(path)
     with np.load(path) as stored:
         return Frames(*(stored[name] for name in names))
+
+
+_MEASURING: Final = ("visibility_scenes",)
 
 
 def _drawn(recipe: Recipe) -> dict[str, object]:
