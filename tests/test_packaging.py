@@ -22,6 +22,10 @@ ROOT = Path(__file__).resolve().parents[1]
 PYPROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 SETUPTOOLS = PYPROJECT["tool"]["setuptools"]
 MAPPED = {f"civil_rgbd.{room}": room for room in ("schema", "recipes", "registry", "conversion")}
+DATA = {f"civil_rgbd.{room}": room for room in ("schema", "recipes", "registry")} | {
+    f"civil_rgbd.{room}": f"civil_rgbd/{room.replace('.', '/')}"
+    for room in ("odometry.engine_settings", "training.recipes")
+}
 
 
 def folders_with_modules() -> set[str]:
@@ -66,9 +70,20 @@ def test_the_data_that_the_package_finds_is_the_repositorys(room: str, suffix: s
 
 
 def test_every_file_of_a_data_room_is_of_a_kind_that_ships() -> None:
-    for room in ("schema", "recipes", "registry"):
-        kinds = {f"*{path.suffix}" for path in (ROOT / room).iterdir() if path.is_file()}
-        assert kinds - {"*.py"} == set(SETUPTOOLS["package-data"][f"civil_rgbd.{room}"])
+    for package, folder in DATA.items():
+        kinds = {f"*{path.suffix}" for path in (ROOT / folder).iterdir() if path.is_file()}
+        assert kinds - {"*.py"} == set(SETUPTOOLS["package-data"][package])
+
+
+def test_no_folder_of_data_lies_below_a_package_without_being_listed() -> None:
+    # setuptools takes it for a package, and warns that it is absent from the list.
+    folders = {
+        ".".join(path.relative_to(ROOT).parts)
+        for path in (ROOT / "civil_rgbd").rglob("*/")
+        if path.name != "__pycache__" and any(map(Path.is_file, path.iterdir()))
+    }
+
+    assert folders - set(SETUPTOOLS["packages"]) == set()
 
 
 def test_the_package_says_that_it_is_typed() -> None:
@@ -127,10 +142,11 @@ def test_wheel_and_sdist_hold_what_the_repository_holds(tmp_path: Path) -> None:
     )
 
     assert made.returncode == 0, made.stderr
+    assert "Warning" not in made.stderr
     (wheel,), (sdist,) = out.glob("*.whl"), out.glob("*.tar.gz")
     with zipfile.ZipFile(wheel) as archive:
         in_wheel = {name for name in archive.namelist() if ".dist-info/" not in name}
-        for package, folder in MAPPED.items():
+        for package, folder in (MAPPED | DATA).items():
             place = package.replace(".", "/")
             for path in (ROOT / folder).iterdir():
                 if path.is_file() and not path.name.startswith("."):
@@ -139,4 +155,7 @@ def test_wheel_and_sdist_hold_what_the_repository_holds(tmp_path: Path) -> None:
     with tarfile.open(sdist) as archive_of_source:
         names = {name.partition("/")[2] for name in archive_of_source.getnames()}
     wanted = {"DATASHEET.md", "LICENSE", "Makefile", "docs/architecture.md", "recipes/250k.toml"}
+    wanted |= {f"{folder}/__init__.py" for folder in DATA.values()}
+    wanted |= {"civil_rgbd/training/recipes/bts.toml"}
+    wanted |= {"civil_rgbd/odometry/engine_settings/rko-lio.yaml"}
     assert wanted | {"tests/test_packaging.py", "schema/recipe.schema.json"} <= names

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import resources
 from string import Template
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,11 @@ from numpy.typing import NDArray
 from civil_rgbd.geometry.transforms import quaternion_from_matrix
 from civil_rgbd.odometry.engines import IMU_TOPIC, LIDAR_TOPIC, Engine
 
+_SETTINGS: Final = "civil_rgbd.odometry.engine_settings"
+
 
 def settings_text(engine: Engine, T_imu_lidar: NDArray[np.float64]) -> str:
-    """Fill in ``settings/<engine>.yaml``.
+    """Fill in ``engine_settings/<engine>.yaml``.
 
     Args:
         engine: whose settings.
@@ -22,7 +25,7 @@ def settings_text(engine: Engine, T_imu_lidar: NDArray[np.float64]) -> str:
     Returns:
         YAML text.
     """
-    text = resources.files(__package__).joinpath("settings", f"{engine.name}.yaml")
+    text = resources.files(_SETTINGS).joinpath(f"{engine.name}.yaml")
     x, y, z, w = quaternion_from_matrix(T_imu_lidar[:3, :3])
     translation = T_imu_lidar[:3, 3]
     return Template(text.read_text("utf-8")).substitute(

@@ -52,7 +52,7 @@ def training_recipe_texts() -> dict[str, str]:
     >>> sorted(training_recipe_texts())
     ['bts', 'bts-small', 'zoe', 'zoe-small']
     """
-    folder = resources.files("civil_rgbd.training").joinpath("recipes")
+    folder = resources.files("civil_rgbd.training.recipes")
     return {
         entry.name.removesuffix(".toml"): entry.read_text("utf-8")
         for entry in folder.iterdir()
