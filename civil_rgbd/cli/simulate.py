@@ -22,7 +22,7 @@ _HERE = "civil-rgbd simulate"
 @click.option(
     "--out", "named_out", type=click.Path(path_type=Path), metavar="OUT", help="The same as OUT."
 )
-@click.option("--bridge", metavar="NAME", help="demo, or B1 to B5  [default: demo]")
+@click.option("--bridge", metavar="NAME", help="demo, B1 to B5, or mesh  [default: demo]")
 @click.option("--seconds", metavar="S", help="Length of the walk  [default: 7, of B1 to B5 30]")
 @click.option("--seed", metavar="N", help="Of everything random  [default: 0]")
 @click.option(
@@ -102,8 +102,11 @@ def command(
     """Simulate a scan of a bridge and write it to OUT: .mcap (ROS 2) or .bag (ROS 1).
 
     An inspector walks past and under a bridge with a LiDAR like the Livox Avia and a camera like
-    the RealSense D455. The demo's sensors are exact; those of B1 to B5 err as real ones do, and
+    the RealSense D455. The demo's sensors are exact; those of the others err as real ones do, and
     their poses drift. Equal options give equal bytes.
+
+    A bridge of your own is read from OBJ files, in metres, z up: --bridge mesh --set mesh=PATH,
+    PATH being one file, or a folder with one file a part.
     """
     from civil_rgbd.cli.progress import frame_bar
     from civil_rgbd.simulator.camera import raw_camera

@@ -73,10 +73,52 @@ def test_a_place_without_a_mesh_is_refused(tmp_path: Path, name: str) -> None:
     assert "OBJ file with faces" in caught.value.fix
 
 
+def test_the_one_bridge_below_a_folder_is_found(tmp_path: Path) -> None:
+    (tmp_path / "models/parts").mkdir(parents=True)
+    _table_bridge(tmp_path / "models/parts")
+    (tmp_path / "models/LICENSE").write_text("free")
+    (tmp_path / "models/parts/deck.obj").rename(tmp_path / "models/parts/deck.OBJ")
+
+    site = mesh_site(tmp_path, 0)
+
+    assert site.scene.dimensions_m["height_m"] == pytest.approx(5.5)
+    assert {"deck", "pier"} <= set(site.parts.tolist())
+
+
+def test_of_two_bridges_below_a_folder_one_must_be_named(tmp_path: Path) -> None:
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        _table_bridge(tmp_path / name)
+    (tmp_path / "other/pier.obj").unlink()
+
+    with pytest.raises(UsageError, match="2 bridges of OBJ files") as caught:
+        mesh_site(tmp_path, 0)
+
+    assert caught.value.fix == (
+        f"name one: mesh={tmp_path / 'one'}, mesh={tmp_path / 'other/deck.obj'}"
+    )
+    assert mesh_site(tmp_path / "one", 0).scene.dimensions_m["height_m"] == pytest.approx(5.5)
+
+
+def test_a_folder_that_is_a_bridge_itself_is_not_searched(tmp_path: Path) -> None:
+    (tmp_path / "older").mkdir()
+    _table_bridge(tmp_path / "older")
+
+    assert mesh_site(_table_bridge(tmp_path), 0).scene.dimensions_m["width_m"] == pytest.approx(8.0)
+
+
 @pytest.mark.parametrize("location", ["simulated:mesh", "simulated:B1?mesh=bridge.obj"])
 def test_a_mesh_belongs_to_the_bridge_mesh_alone(location: str) -> None:
     with pytest.raises(UsageError, match="read from a file"):
         spec_from_location(location)
+
+
+def test_real_models_in_several_folders_are_named(shared_data: Path) -> None:
+    with pytest.raises(UsageError, match="2 bridges of OBJ files") as caught:
+        mesh_site(shared_data / "bridge_meshes_salman", 0)
+
+    assert "BridgeModels/bridge_1.obj" in caught.value.fix
+    assert caught.value.fix.endswith("sceneparts/bridge1")
 
 
 def test_a_real_model_of_a_bridge_is_walked_under(shared_data: Path) -> None:

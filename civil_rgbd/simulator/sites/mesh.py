@@ -19,6 +19,7 @@ from civil_rgbd.simulator.sites.traffic import strollers
 _SUN = (-0.42, -0.48, 0.77)
 _LANE_M = 1.6  # half the distance between the ways there and back
 _BESIDE_M = 9.0  # how far the walk goes on beyond the bridge
+_SHOWN = 6  # bridges that a message names
 _FLAT_M2 = 1e-9  # a triangle smaller than this has no side to it
 _MATERIALS: Final = {
     "rail": "galvanised",
@@ -34,14 +35,15 @@ def mesh_site(path: Path, seed: int) -> Site:
     """Draw a bridge from OBJ.
 
     Args:
-        path: an OBJ file, or a folder of them, one a part; metres, z up. The longer of x and y
-            becomes the scene's x, the middle its origin, the lowest point its ground.
+        path: an OBJ file, or a folder of them, one a part; metres, z up. A folder without any is
+            searched for one that has. The longer of x and y becomes the scene's x, the middle its
+            origin, the lowest point its ground.
         seed: places plants and people.
 
     Raises:
-        UsageError: there is no OBJ file, or no surface in it.
+        UsageError: there is no OBJ file, no surface in it, or more than one bridge.
     """
-    files = sorted(path.glob("*.obj")) if path.is_dir() else [path]
+    files = _files_of(path) if path.is_dir() else [path]
     parts = {file.stem: _triangles(file) for file in files if file.is_file()}
     if not sum(map(len, parts.values())):
         raise UsageError(
@@ -66,6 +68,25 @@ def mesh_site(path: Path, seed: int) -> Site:
     size = {"length_m": length, "width_m": width, "height_m": float(high[2] - low[2])}
     scene = draft.scene("mesh", size, _SUN)
     return Site(scene, tuple(people), (), path_walked)
+
+
+def _files_of(folder: Path) -> list[Path]:
+    """Return the OBJ files of the one folder that holds any: this one, or else below it."""
+    found: dict[Path, list[Path]] = {}
+    for file in sorted(folder.rglob("*")):
+        if file.suffix.lower() == ".obj":
+            found.setdefault(file.parent, []).append(file)
+    if folder in found:
+        return found[folder]
+    if len(found) <= 1:
+        return [file for files in found.values() for file in files]
+    bridges = [files[0] if len(files) == 1 else parent for parent, files in found.items()]
+    more = f" or another of {len(bridges)}" if len(bridges) > _SHOWN else ""
+    raise UsageError(
+        f"there are {len(bridges)} bridges of OBJ files here",
+        where=folder,
+        fix="name one: " + ", ".join(f"mesh={bridge}" for bridge in bridges[:_SHOWN]) + more,
+    )
 
 
 def _triangles(file: Path) -> NDArray[np.float64]:
