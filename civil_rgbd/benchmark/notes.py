@@ -14,17 +14,24 @@ def caption(rows: Sequence[TableRow], test_bridge: str) -> str:
     seeds = sorted({seed for row in rows for seed in row.seeds})
     frames = span({seed: count for row in rows for seed, count in row.frames[SAME].items()})
     marked = any(row.seen.in_words() for row in rows)
+    alone = len(seeds) == 1
     return (
-        f"Mean ± standard deviation over {len(seeds)} seed{'s' * (len(seeds) != 1)} "
-        f"({', '.join(map(str, seeds))}) on bridge {test_bridge}, which no model without shots has "
+        f"{_what_a_number_is(seeds)} on bridge {test_bridge}, which no model without shots has "
         f"seen{', but where its row says so' * marked}; each metric is taken per image, then "
         "averaged over images. Every number of shots of a seed is scored on the same "
         f"{frames} frames, which are no shots. Beside it AbsRel on the remainder (all "
         "frames but the shots, as the paper scores) and on the remainder apart (without frames "
         f"within {NEAR_M:g} m and {NEAR_DEG:g} deg of a shot), each with the number of frames that "
-        "it rests on, least to most over seeds: remainder below apart is leakage by overlap. Gain "
-        "is AbsRel taken off by the shots, each seed against its own run without."
+        f"it rests on{', least to most over seeds' * (not alone)}: remainder below apart is "
+        "leakage by overlap. Gain is AbsRel taken off by the shots, "
+        f"{'against the run' if alone else 'each seed against its own run'} without."
     )
+
+
+def _what_a_number_is(seeds: Sequence[int]) -> str:
+    if len(seeds) == 1:
+        return f"One run of each model (seed {seeds[0]}: no mean, and no deviation to judge by)"
+    return f"Mean ± standard deviation over {len(seeds)} seeds ({', '.join(map(str, seeds))})"
 
 
 def span(frames: Mapping[int, int]) -> str:

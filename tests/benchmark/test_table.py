@@ -184,6 +184,18 @@ def test_every_table_has_splits_seeds_software_and_counts() -> None:
 FAILURE = CellFailure("bts", 1, 0, Path("y"), "the disk is full: 100 %", "y", "free some space")
 
 
+def test_one_seed_is_called_one_run_and_not_a_mean() -> None:
+    rows = table_rows([one for one in CELLS if one.seed == 0])
+
+    for text in (table_markdown(rows, "B3"), table_latex(rows, "B3")):
+        assert "One run of each model (seed 0: no mean, and no deviation to judge by) on" in text
+        assert "it rests on: remainder below apart" in text
+        assert "taken off by the shots, against the run without." in text
+        assert "±" not in text
+        assert "over 1 seed" not in text
+    assert "least to most over seeds" in table_markdown(table_rows(CELLS), "B3")
+
+
 def test_a_cell_that_failed_is_marked_with_its_cause_and_the_rest_stands() -> None:
     rows = table_rows([FAILURE, *CELLS[:3], CELLS[4]])
     text = table_markdown(rows, "B3")
