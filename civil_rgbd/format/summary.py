@@ -28,7 +28,7 @@ class BridgeSummary:
         images_seen: how many images the source has.
         width_px: columns of an image.
         height_px: rows of an image.
-        coverage: mean share of pixels with depth; None when it is not known.
+        coverage: mean share of pixels with depth; None when the manifest does not state it.
         size_bytes: of all files.
         sources: names of the files behind it.
         salvage: what was lost of a damaged source; None for a whole one.
@@ -55,9 +55,11 @@ class BridgeSummary:
         """Return it for people."""
         title = f" ({self.name})" if self.name else ""
         recipe = ", ".join((self.recipe, *self.changed)) if self.recipe else "none"
-        coverage = "unknown" if self.coverage is None else f"{self.coverage:.1%} of the pixels"
+        covered = "on a share of pixels that the manifest does not state"
+        if self.coverage is not None:
+            covered = f"in {self.coverage:.1%} of the pixels"
         yield f"{self.bridge_id}{title}: {self.frames} frames of {self.images_seen} images"
-        yield f"  image     {self.width_px} x {self.height_px}, depth in {coverage}"
+        yield f"  image     {self.width_px} x {self.height_px}, depth {covered}"
         yield f"  recipe    {recipe} ({self.origin})"
         yield f"  source    {', '.join(self.sources) or 'none named'}"
         yield f"  licence   {self.licence}"

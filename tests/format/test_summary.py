@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,20 @@ def test_one_bridge_is_summed_up(golden: Path) -> None:
     assert (summary.dataset, summary.splits, len(summary.bridges)) == (None, (), 1)
     assert "B1 (Golden Bridge): 3 frames of 14 images" in summary.to_text()
     assert "licence   CC-BY-4.0" in summary.to_text()
+
+
+def test_a_share_of_depth_that_is_not_stated_is_said_in_words(golden_copy: Path) -> None:
+    assert "32 x 24, depth in 33.3% of the pixels" in summarise(golden_copy).to_text()
+
+    path = golden_copy / "bridges" / "B1" / "manifest.json"
+    document = json.loads(path.read_text("utf-8"))
+    document["counts"]["mean_valid_share"] = None
+    path.write_text(json.dumps(document))
+
+    assert (
+        "32 x 24, depth on a share of pixels that the manifest does not state"
+        in summarise(golden_copy).to_text()
+    )
 
 
 def test_a_damaged_manifest_is_named(golden_copy: Path) -> None:
