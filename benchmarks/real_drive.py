@@ -36,6 +36,7 @@ from civil_rgbd.geometry.transforms import inverse, transform_points
 
 RECIPES: Final = ("250k", "250k-clean")
 KINDS: Final = ("agree", "behind", "in front", "not judged")
+RIGHT_SHARE: Final = 0.4  # of the image's width: where the tanker and its cab are
 COLOURS_BGR: Final = ((0, 220, 255), (0, 0, 255), (255, 80, 0), (255, 255, 255))
 
 Depth = NDArray[np.float32]
@@ -142,9 +143,14 @@ def _shares(frames: list[Judged]) -> list[str]:
             f"{name}: of the judged pixels {shares[0]:.1f} % agree, {shares[1]:.2f} % lie behind, "
             f"{shares[2]:.2f} % in front"
         )
-    nearer = [frame.depth_m[frame.removed] for frame in frames]
-    depths = np.concatenate(nearer)
+    depths = np.concatenate([frame.depth_m[frame.removed] for frame in frames])
     if len(depths):
+        across = np.concatenate([_across(frame.removed) for frame in frames])
+        share = float((across >= 1 - RIGHT_SHARE).mean())
+        said.append(
+            f"{100 * share:.1f} % of the removed pixels lie in the right "
+            f"{100 * RIGHT_SHARE:.0f} % of the image"
+        )
         low, middle, high = np.percentile(depths, [10, 50, 90])
         said.append(
             f"removed pixels are {middle:.0f} m away (median; a tenth nearer than {low:.0f} m, a "
@@ -152,6 +158,12 @@ def _shares(frames: list[Judged]) -> list[str]:
             f"{np.median(np.concatenate([f.depth_m[f.depth_m > 0] for f in frames])):.0f} m"
         )
     return said
+
+
+def _across(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return how far from left (0) to right (1) each set pixel's centre lies."""
+    across: NDArray[np.float64] = (np.nonzero(mask)[1] + 0.5) / mask.shape[1]
+    return across
 
 
 def draw(frame: Judged, folder: Path) -> Path:
