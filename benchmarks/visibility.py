@@ -2,12 +2,13 @@
 
     python benchmarks/visibility.py --cache FOLDER [--speeds 0.3 1.0 1.5] [--bridges B1 ...]
 
-Five simulated bridges, walked through at three speeds, with three densities, with drifting poses,
-and with cars and people that move; frames made as by the recipe ``250k-clean``. Truth is the dense
-depth at the image's instant from the true pose. A valid pixel *leaks* when its depth exceeds the
-largest truth in its 3 x 3 neighbourhood by more than 0.1 m + 2 % (sky counts as infinite); it is
-*good* within 0.1 m + 2 % of the range of truth there; *lost* are good pixels that are removed, of
-all that were good. The first run simulates for some ten minutes; later ones read the cache.
+Five simulated bridges, walked through at three speeds, with images of three sizes, with three
+densities, with drifting poses, and with cars and people that move; frames made as by the recipe
+``250k-clean``. Truth is the dense depth at the image's instant from the true pose. A valid pixel
+*leaks* when its depth exceeds the largest truth in its 3 x 3 neighbourhood by more than 0.1 m + 2 %
+(sky counts as infinite); it is *good* within 0.1 m + 2 % of the range of truth there; *lost* are
+good pixels that are removed, of all that were good. The first run simulates for some ten minutes;
+later ones read the cache until the code changes.
 
 Exits with 1 when a target is missed.
 """
@@ -70,7 +71,8 @@ def score_of(frames: Frames, stage: VisibilityStage) -> Score:
         frames.depth_m, frames.surface_m, frames.truth_m, frames.kind, strict=True
     ):
         kept_m = depth_m.copy()
-        remove_hidden(kept_m, closed_front(surface_m, stage=stage), stage=stage)
+        front_m = closed_front(surface_m, camera=frames.camera, stage=stage)
+        remove_hidden(kept_m, front_m, stage=stage)
         leak, good = judged(depth_m, truth_m)
         valid, kept = depth_m > 0, kept_m > 0
         shows = good & (np.abs(depth_m - truth_m) <= MARGIN_M + MARGIN_SHARE * truth_m)
@@ -111,10 +113,10 @@ def thin(mask: Mask) -> Mask:
     return mask & ((wide == 0) | (high == 0))
 
 
-def cost_ms(repeat: int = 40) -> tuple[float, float]:
+def cost_ms(image_scale: float, repeat: int = 40) -> tuple[float, float]:
     """Processor time of rendering one frame, and of looking what hides what: best of many."""
     cv2.setNumThreads(1)
-    walk = Walk("B3", seconds=12)
+    walk = Walk("B3", seconds=12, image_scale=image_scale)
     recording = SimulatedRecording(walk.spec)
     maker = FrameMaker(recording, walk.recipe)
     plan = plan_frames(recording, walk.recipe).frames[-1]
@@ -157,6 +159,8 @@ def main() -> int:
     parser.add_argument("--bridges", nargs="+", default=BRIDGES, choices=BRIDGES)
     arguments = parser.parse_args()
     conditions = {f"{v} m/s": {"speed_m_s": v} for v in arguments.speeds}
+    conditions |= {f"1.0 m/s, image scale {s}": {"image_scale": s} for s in (1.0, 0.3)}
+    conditions["1.5 m/s, image scale 1.0"] = {"speed_m_s": 1.5, "image_scale": 1.0}
     targets = tuple(conditions)
     conditions |= {
         "1.0 m/s, 100,000 points": {"points": 100_000},
@@ -181,9 +185,12 @@ def main() -> int:
             ok &= float(np.mean([s.lost for s in scores])) <= LOST
             ok &= all(s.railing >= KEPT and s.soffit >= KEPT for s in scores)
     print(*alone, sep="\n")
-    plain_ms, cost = cost_ms()
-    print(f"cost: {cost:.2f} ms a frame beside {plain_ms:.2f} ms for rendering (at most {COST_MS})")
-    ok &= cost <= COST_MS
+    for scale, most_ms in ((0.6, COST_MS), (1.0, np.inf)):
+        plain_ms, cost = cost_ms(scale)
+        print(
+            f"cost at scale {scale}: {cost:.2f} ms a frame beside {plain_ms:.2f} ms for rendering"
+        )
+        ok &= cost <= most_ms
     print("every target is met" if ok else "A TARGET IS MISSED")
     return 0 if ok else 1
 

@@ -19,7 +19,7 @@ from civil_rgbd.domain.recipe import Recipe, VisibilityStage
 from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.pipeline.frames import FrameMaker
 from civil_rgbd.pipeline.visibility import nearest_surface
-from civil_rgbd.simulator.camera import pinhole_rays, true_camera_pose
+from civil_rgbd.simulator.camera import pinhole_rays, raw_camera, true_camera_pose
 from civil_rgbd.simulator.catalogue import caster_for
 from civil_rgbd.simulator.recording import SimulatedRecording
 from civil_rgbd.simulator.spec import ScanSpec, usual_spec
@@ -93,12 +93,14 @@ class Frames:
         surface_m: (F, H, W) float32, the least depth of the points that may hide others.
         truth_m: (F, H, W) float32, at the image's instant from the true pose; 0 = sky.
         kind: (F, H, W) uint8, what the truth shows: :data:`OTHER`, :data:`RAILING`, ...
+        camera: the pinhole of all of them.
     """
 
     depth_m: NDArray[np.float32]
     surface_m: NDArray[np.float32]
     truth_m: NDArray[np.float32]
     kind: NDArray[np.uint8]
+    camera: PinholeCamera
 
 
 def walked(walk: Walk, cache: Path) -> Frames:
@@ -114,7 +116,8 @@ def walked(walk: Walk, cache: Path) -> Frames:
         np.savez_compressed(scratch, **dict(zip(names, map(np.stack, columns), strict=True)))
         scratch.replace(path)
     with np.load(path) as stored:
-        return Frames(*(stored[name] for name in names))
+        camera = raw_camera(walk.spec.image_scale).pinhole.scaled(walk.image_scale)
+        return Frames(*(stored[name] for name in names), camera)
 
 
 _MEASURING: Final = ("visibility_scenes",)

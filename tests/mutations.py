@@ -658,14 +658,20 @@ MUTATIONS = (
     Mutation(
         "hidden: the front has no rim",
         VISIBILITY,
-        "_square(stage.closing_px + 2 * stage.rim_px)",
-        "_square(stage.closing_px)",
+        "_square(closing_px + 2 * stage.rim_px)",
+        "_square(closing_px)",
     ),
     Mutation(
         "hidden: the rim is twice as wide",
         VISIBILITY,
-        "_square(stage.closing_px + 2 * stage.rim_px)",
-        "_square(stage.closing_px + 4 * stage.rim_px)",
+        "_square(closing_px + 2 * stage.rim_px)",
+        "_square(closing_px + 4 * stage.rim_px)",
+    ),
+    Mutation(
+        "hidden: holes are as wide in pixels whatever the focal length",
+        VISIBILITY,
+        "reach_px * camera.fx_px / CLOSING_FX_PX",
+        "reach_px",
     ),
     Mutation(
         "hidden: exactly the margin is hidden (> to >=)",

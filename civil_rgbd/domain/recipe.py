@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +100,10 @@ class DepthStage:
     step_m: float = 1.0 / 1024.0
 
 
+CLOSING_FX_PX: Final = 382.0
+"""Focal length at which :attr:`VisibilityStage.closing_px` holds: a D455's at 768 x 432."""
+
+
 @dataclass(frozen=True, slots=True)
 class VisibilityStage:
     """Which pixels are empty after all, because something stands before what they show.
@@ -106,8 +111,10 @@ class VisibilityStage:
     Attributes:
         points: how many points may hide others: the frame's, which always do, and older ones.
         max_age_s: points further from the image's stamp hide nothing; 0 = no limit.
-        closing_px: holes of a front up to this wide are closed; odd.
-        rim_px: how far beyond a pixel a front must reach on every side to hide it.
+        closing_px: holes of a front up to this wide are closed, in pixels at a focal length of
+            :data:`CLOSING_FX_PX`, and as much wider or narrower as the stored image's is; odd.
+        rim_px: how far beyond a pixel a front must reach on every side to hide it, in pixels of
+            the stored image.
         margin_m: a pixel is hidden when it lies behind the front by more than this, and
         margin_share: more than this share of the front's depth.
     """

@@ -171,7 +171,7 @@ class FrameMaker:
             camera=self.images.camera,
             limits=self.recipe.depth,
         )
-        front_m = closed_front(surface_m, stage=self.recipe.visibility)
+        front_m = closed_front(surface_m, camera=self.images.camera, stage=self.recipe.visibility)
         return remove_hidden(depth_m, front_m, stage=self.recipe.visibility)
 
     def quality(

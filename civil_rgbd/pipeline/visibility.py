@@ -5,12 +5,15 @@ falls into a gap between those of a pier, it wins the pixel, and the pier has a 
 points than the frame's show the pier's front more densely; a morphological closing of their depth
 (the least of each neighbourhood, then the largest of those) fills what holes remain. The second
 neighbourhood is wider than the first, so that a front must surround a pixel to hide it: beside an
-outline, and on ground seen at a grazing angle, nothing is taken away.
+outline, and on ground seen at a grazing angle, nothing is taken away. How far apart the points of
+a front fall goes with the focal length, and so do the neighbourhoods; an outline is as sharp in any
+image, and so the second is wider by as many pixels in each.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable
 
 import cv2
@@ -19,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from civil_rgbd.constants import NO_DEPTH_M
-from civil_rgbd.domain.recipe import DepthStage, VisibilityStage
+from civil_rgbd.domain.recipe import CLOSING_FX_PX, DepthStage, VisibilityStage
 from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.pipeline.render import draw_nearest
 
@@ -53,11 +56,14 @@ def nearest_surface(
     return nearest[:-1].reshape(depth_m.shape)
 
 
-def closed_front(surface_m: NDArray[np.float32], *, stage: VisibilityStage) -> NDArray[np.float32]:
+def closed_front(
+    surface_m: NDArray[np.float32], *, camera: PinholeCamera, stage: VisibilityStage
+) -> NDArray[np.float32]:
     """Return how far one can see: the nearest surface with its holes closed.
 
     Args:
         surface_m: (H, W) float32, from :func:`nearest_surface`.
+        camera: the pinhole: a hole between two points is as many pixels wide as its focal length.
         stage: how holes are closed.
 
     Returns:
@@ -65,8 +71,9 @@ def closed_front(surface_m: NDArray[np.float32], *, stage: VisibilityStage) -> N
     """
     # Minima and maxima only: exact, whatever instructions the processor has. What lies outside of
     # the image counts for neither.
-    grown = cv2.erode(surface_m, _square(stage.closing_px))
-    return np.asarray(cv2.dilate(grown, _square(stage.closing_px + 2 * stage.rim_px)))
+    closing_px = _closing_px(stage, camera)
+    grown = cv2.erode(surface_m, _square(closing_px))
+    return np.asarray(cv2.dilate(grown, _square(closing_px + 2 * stage.rim_px)))
 
 
 def remove_hidden(
@@ -86,6 +93,15 @@ def remove_hidden(
         depth_m, front_m, stage.margin_m, 1.0 + stage.margin_share, np.float32(NO_DEPTH_M)
     )
     return removed
+
+
+def _closing_px(stage: VisibilityStage, camera: PinholeCamera) -> int:
+    """Return the side of the squares that close holes, in pixels of this camera; odd."""
+    reach_px = stage.closing_px // 2
+    if not reach_px:
+        return 1
+    scaled_px = math.floor(reach_px * camera.fx_px / CLOSING_FX_PX + 0.5)
+    return 2 * max(scaled_px, 1) + 1
 
 
 def _square(side_px: int) -> NDArray[np.uint8]:

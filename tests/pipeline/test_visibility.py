@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from civil_rgbd.domain.frame import EMPTY
 from civil_rgbd.domain.recipe import (
+    CLOSING_FX_PX,
     AccumulateStage,
     DepthStage,
     ImageStage,
@@ -31,6 +32,7 @@ from ..reference.zbuffer import Pinhole, zbuffer_by_minimum_at
 from ..strategies import seeds
 
 CAMERA = PinholeCamera(24, 17, 12.0, 12.0, 11.5, 8.0)
+AS_TUNED = replace(CAMERA, fx_px=CLOSING_FX_PX)  # whose squares are as wide as the stage says
 PLAIN = Pinhole(24, 17, 12.0, 12.0, 11.5, 8.0)
 LIMITS = DepthStage(min_m=0.5, max_m=50.0, step_m=0.0)
 STAGE = VisibilityStage(points=1000, closing_px=5, rim_px=1, margin_m=0.1, margin_share=0.02)
@@ -47,7 +49,7 @@ def removed(
     surface = nearest_surface(
         depth_m, [others], T_camera_local=np.eye(4), camera=CAMERA, limits=LIMITS
     )
-    front = closed_front(surface, stage=stage)
+    front = closed_front(surface, camera=AS_TUNED, stage=stage)
     after = depth_m.copy()
     count = remove_hidden(after, front, stage=stage)
     gone = after != before
@@ -112,6 +114,48 @@ def test_a_wall_seen_through_a_sparse_pier_is_removed_and_the_wall_beside_it_sta
 
     assert gone.sum() == 1
     assert gone[7, 10]
+
+
+@pytest.mark.parametrize(
+    ("fx_px", "closing_px", "square_px"),
+    [
+        (636.5 * 0.6, 5, 5),  # the D455s that the stage was tuned for, at the default scale
+        (638.3 * 0.6, 5, 5),
+        (721.5 * 0.6, 5, 5),
+        (636.5, 5, 7),
+        (636.5 * 0.3, 5, 3),
+        (20.0, 5, 3),  # never less: some hole is closed
+        (1600.0, 5, 17),
+        (636.5, 9, 15),
+        (636.5, 1, 1),  # nothing is closed, at any size
+    ],
+)
+def test_holes_are_as_many_pixels_wide_as_the_focal_length_makes_them(
+    fx_px: float, closing_px: int, square_px: int
+) -> None:
+    camera, stage = replace(CAMERA, fx_px=fx_px), replace(STAGE, closing_px=closing_px, rim_px=0)
+
+    def front(columns: list[int]) -> list[list[int]]:
+        surface_m = np.full((61, 61), np.inf, dtype=np.float32)
+        surface_m[30, columns] = 6.0
+        return np.argwhere(closed_front(surface_m, camera=camera, stage=stage) == 6.0).tolist()
+
+    near, far = 20 + square_px, 21 + square_px
+    assert front([20, near]) == [[30, column] for column in range(20, near + 1)]
+    assert front([20, far]) == [[30, 20], [30, far]]
+
+
+def test_a_front_reaches_beyond_a_pixel_by_the_rim_at_any_focal_length() -> None:
+    surface_m = np.full((41, 41), np.inf, dtype=np.float32)
+    surface_m[10:31, 10:31] = 6.0
+    expected = np.zeros((41, 41), dtype=np.bool_)
+    expected[12:29, 12:29] = True
+    for fx_px in (190.0, CLOSING_FX_PX, 640.0):
+        camera = replace(CAMERA, fx_px=fx_px)
+
+        front_m = closed_front(surface_m, camera=camera, stage=replace(STAGE, rim_px=2))
+
+        np.testing.assert_array_equal(front_m == 6.0, expected)
 
 
 def test_older_points_hide_what_the_frames_own_do_not() -> None:
