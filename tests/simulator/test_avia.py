@@ -72,7 +72,7 @@ def test_every_direction_is_the_vendors_where_the_file_is_at_hand() -> None:
     try:
         found = [f for f in files("mujoco-lidar") or () if f.name == "avia.npy"]
     except PackageNotFoundError:
-        pytest.skip("the package mujoco-lidar, which holds the vendor's pattern, is not installed")
+        pytest.skip("needs the vendor's pattern: `pip install --no-deps mujoco-lidar==0.3.5`")
     vendors = np.load(found[0].locate()).astype(np.float64)
     mine = _angles_rad(avia_directions(_instants_ns(4.0), turns_hz=VENDOR_HZ))
 
