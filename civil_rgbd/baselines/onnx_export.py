@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
-import os
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +22,8 @@ from torch import Tensor, nn
 
 from civil_rgbd.baselines.fitting import apply_fit, plan_fit, undo_fit
 from civil_rgbd.baselines.torch_model import TorchDepthModel
-from civil_rgbd.errors import FormatError, MissingExtraError, OutputError
+from civil_rgbd.errors import FormatError, MissingExtraError
+from civil_rgbd.storage.whole_files import whole_file
 
 OPSET: Final = 18
 """The first whose Resize knows antialiasing."""
@@ -90,21 +90,13 @@ def export_onnx(
     K = np.array([[[focal, 0, cx], [0, focal, cy], [0, 0, 1]]], dtype=np.float32)
     was_training = model.training
     whole = _AnySize(model.eval(), height_px=height_px, width_px=width_px)
-    scratch = path.with_name(f".{path.stem}.{os.getpid()}.partial.onnx")
     try:
-        with torch.no_grad():
-            expected = whole(torch.from_numpy(rgb), torch.from_numpy(K)).numpy()
-            _write(whole, (torch.from_numpy(rgb), torch.from_numpy(K)), scratch, where=path)
-        usual, largest = _compare(expected, _run(scratch, rgb, K), where=path)
-        scratch.replace(path)
-    except OSError as error:
-        raise OutputError(
-            f"cannot write the model: {error.strerror or error}",
-            where=path,
-            fix="free some space, or make the folder writable, or write elsewhere",
-        ) from error
+        with whole_file(path) as scratch:
+            with torch.no_grad():
+                expected = whole(torch.from_numpy(rgb), torch.from_numpy(K)).numpy()
+                _write(whole, (torch.from_numpy(rgb), torch.from_numpy(K)), scratch, where=path)
+            usual, largest = _compare(expected, _run(scratch, rgb, K), where=path)
     finally:
-        scratch.unlink(missing_ok=True)
         model.train(was_training)
     return OnnxExport(path, path.stat().st_size, usual, largest)
 

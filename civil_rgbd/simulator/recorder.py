@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import heapq
-import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import IO, Final
@@ -46,6 +44,7 @@ from civil_rgbd.simulator.walk import (
     image_instants_ns,
     stated_mount,
 )
+from civil_rgbd.storage.whole_files import whole_file, writing
 
 Message = tuple[int, str, bytes]
 Progress = Callable[[int, int], object]
@@ -114,34 +113,14 @@ def write_recording(
             where=path,
             fix="choose another name, or give --overwrite",
         )
-    with _whole_file(path) as stream:
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path) as scratch, scratch.open("wb") as stream:
         write, encoding = _WRITERS[path.suffix.lower()]
         left_out = {LEFT_OUT[name] for name in without}
         topics = {topic: kind for topic, kind in TOPICS.items() if topic not in left_out}
         messages = _messages(spec, encoding, progress or (lambda *_: None))
         write(stream, topics, (message for message in messages if message[1] in topics))
-
-
-@contextmanager
-def _whole_file(path: Path) -> Iterator[IO[bytes]]:
-    # Not the format room's: rooms of one floor do not know each other.
-    scratch = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with scratch.open("wb") as stream:
-                yield stream
-                stream.flush()
-                os.fsync(stream.fileno())
-            scratch.replace(path)
-        finally:
-            scratch.unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"cannot write: {error.strerror or error}",
-            where=path,
-            fix="free some space, or make the folder writable, or write elsewhere",
-        ) from error
 
 
 def _messages(spec: ScanSpec, new: New, progress: Progress) -> Iterator[Message]:

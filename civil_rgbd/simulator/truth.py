@@ -6,7 +6,6 @@ Kept in a folder of its own beside the recording. Only the simulator, benchmarks
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from dataclasses import asdict
 from pathlib import Path
@@ -32,6 +31,7 @@ from civil_rgbd.simulator.walk import (
     imu_poses,
     pose_stamps_ns,
 )
+from civil_rgbd.storage.whole_files import scratch_beside
 
 _SCENE = "scene.json"
 _COLUMNS = "stamp_ns,tx,ty,tz,qx,qy,qz,qw"
@@ -68,7 +68,7 @@ def write_truth(
         OutputError: it cannot be written.
     """
     folder = truth_folder(recording)
-    scratch = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
+    scratch = scratch_beside(folder)
     try:
         try:
             scratch.mkdir(parents=True)

@@ -35,6 +35,16 @@ def writing(where: object) -> Iterator[None]:
         ) from error
 
 
+def scratch_beside(path: Path) -> Path:
+    """Return a name beside ``path`` that nobody else writes to, nor anything left by a kill has.
+
+    Args:
+        path: a file or folder on this machine, or on a disk that machines share.
+    """
+    # Not the process id: two containers that write to one file system may both be process 1.
+    return path.with_name(f".{path.name}.{secrets.randbelow(10**12)}.partial")
+
+
 @contextmanager
 def whole_file(path: Place, *, sync: bool = True) -> Iterator[Path]:
     """Give a scratch path to write to; it becomes ``path`` only if the block succeeds.
@@ -50,8 +60,7 @@ def whole_file(path: Place, *, sync: bool = True) -> Iterator[Path]:
         with writing(path), _whole_object(path) as scratch:
             yield scratch
         return
-    # Not the process id: two containers that write to one file system may both be process 1.
-    scratch = path.with_name(f".{path.name}.{secrets.randbelow(10**12)}.partial")
+    scratch = scratch_beside(path)
     with writing(path):
         try:
             yield scratch

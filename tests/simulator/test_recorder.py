@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import zlib
 from collections import defaultdict
 from pathlib import Path
@@ -20,7 +21,6 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from civil_rgbd.converters import list_topics, open_recording
 from civil_rgbd.domain.recording import RecordingOptions
 from civil_rgbd.errors import OutputError, UsageError
-from civil_rgbd.simulator import recorder
 from civil_rgbd.simulator.camera import raw_camera, simulate_jpeg
 from civil_rgbd.simulator.lidar import simulate_scan
 from civil_rgbd.simulator.recorder import TOPICS, write_recording
@@ -249,11 +249,31 @@ def test_a_folder_that_cannot_be_made_is_a_clear_error(tmp_path: Path) -> None:
     assert caught.value.where.endswith("raw.mcap")
 
 
+def test_what_a_killed_run_left_is_never_written_over(tmp_path: Path) -> None:
+    left = tmp_path / f".raw.mcap.{os.getpid()}.partial"
+    left.write_text("of another machine's process of this id, which may still write")
+
+    write_recording(tmp_path / "raw.mcap", SPEC)
+
+    assert left.read_text().startswith("of another machine's")
+
+
+def test_two_that_write_one_file_at_once_keep_apart(file: Path, tmp_path: Path) -> None:
+    def meanwhile(_done: int, _total: int) -> None:
+        if not (tmp_path / "raw.mcap").exists():
+            write_recording(tmp_path / "raw.mcap", SPEC)
+
+    write_recording(tmp_path / "raw.mcap", SPEC, progress=meanwhile)
+
+    assert (tmp_path / "raw.mcap").read_bytes() == file.read_bytes()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["raw.mcap"]
+
+
 def test_a_full_disk_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_descriptor: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(recorder.os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", full)
 
     with pytest.raises(OutputError, match="No space left"):
         write_recording(tmp_path / "raw.mcap", SPEC)

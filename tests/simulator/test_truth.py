@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,17 @@ def test_writing_again_replaces_it_whole(tmp_path: Path) -> None:
 
     assert not (folder / "depth").exists()
     assert [entry.name for entry in tmp_path.iterdir()] == ["raw.truth"]
+
+
+def test_what_a_killed_run_left_is_in_nobodys_way(tmp_path: Path) -> None:
+    left = tmp_path / f".raw.truth.{os.getpid()}.partial"
+    left.mkdir()
+    (left / "scene.json").write_text("half")
+
+    write_truth(tmp_path / "raw.mcap", SPEC)
+
+    assert (left / "scene.json").read_text() == "half"
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == [left.name, "raw.truth"]
 
 
 def test_removing_it_twice_is_no_fault(tmp_path: Path) -> None:
