@@ -27,9 +27,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import itertools
 
 from visibility import judged
-from visibility_scenes import BRIDGES, Walk, truth_of
+from visibility_scenes import BRIDGES, Walk, truth_of, warm_frames
 
-from civil_rgbd.builder.plan import plan_frames
 from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.domain.recipe import QualityStage
 from civil_rgbd.geometry.transforms import transform_points
@@ -40,7 +39,6 @@ from civil_rgbd.simulator.recording import SimulatedRecording
 from civil_rgbd.simulator.walk import START_NS
 
 MAD, MEDIAN, BEYOND_3 = (0.8, 1.25), 0.3, 0.01
-WARM_UP_S, IMAGE_HZ = 9, 0.5
 INCIDENCES_DEG = (0, 30, 60, 90)
 RETURNS = ((1, 1), (2, 3), (4, 10**9))
 
@@ -59,14 +57,9 @@ class Scores:
 
 def scores_of(walk: Walk) -> Iterator[tuple[NDArray[np.float64], float]]:
     """Per frame (4, N) of :class:`Scores`' columns, and the milliseconds that the planes took."""
-    recording = SimulatedRecording(walk.spec)
     recipe = replace(walk.recipe, quality=QualityStage())
-    maker, caster = FrameMaker(recording, recipe), caster_for(walk.spec)
-    window, occluders = maker.windows(), maker.occluders()
-    for plan in plan_frames(recording, recipe).frames:
-        if occluders is None or plan.source_index < WARM_UP_S * IMAGE_HZ:
-            continue
-        inner, outer = window.at(plan.stamp_ns), occluders.at(plan.stamp_ns)
+    maker, caster = FrameMaker(SimulatedRecording(walk.spec), recipe), caster_for(walk.spec)
+    for plan, inner, outer in warm_frames(maker):
         before_m, _ = maker.render(plan.T_map_camera, inner)
         depth_m = before_m.copy()
         maker.remove_hidden(depth_m, plan.T_map_camera, window=inner, around=outer)

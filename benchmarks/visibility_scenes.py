@@ -17,7 +17,8 @@ from civil_rgbd.builder.recipes import load_recipe, recipe_parameters
 from civil_rgbd.constants import NS_PER_S
 from civil_rgbd.domain.recipe import Recipe, VisibilityStage
 from civil_rgbd.geometry.camera import PinholeCamera
-from civil_rgbd.pipeline.frames import FrameMaker
+from civil_rgbd.pipeline.accumulate import PointWindow
+from civil_rgbd.pipeline.frames import FrameMaker, PlannedFrame
 from civil_rgbd.pipeline.visibility import nearest_surface
 from civil_rgbd.simulator.camera import pinhole_rays, raw_camera, true_camera_pose
 from civil_rgbd.simulator.catalogue import caster_for
@@ -130,22 +131,25 @@ def _drawn(recipe: Recipe) -> dict[str, object]:
     return stages | {"visibility": points}
 
 
+def warm_frames(maker: FrameMaker) -> Iterator[tuple[PlannedFrame, PointWindow, PointWindow]]:
+    """Walk over the frames whose windows are full: each with its points, and those that occlude."""
+    window, occluders = maker.windows(), maker.occluders()
+    for plan in plan_frames(maker.recording, maker.recipe).frames:
+        if occluders is not None and plan.source_index >= _WARM_UP_S * _IMAGE_HZ:
+            yield plan, window.at(plan.stamp_ns), occluders.at(plan.stamp_ns)
+
+
 def simulated(walk: Walk) -> Iterator[tuple[NDArray[np.generic], ...]]:
     """Render the frames of a walk, one after the other."""
-    recording, recipe = SimulatedRecording(walk.spec), walk.recipe
-    maker = FrameMaker(recording, recipe)
-    window, occluders = maker.windows(), maker.occluders()
-    for plan in plan_frames(recording, recipe).frames:
-        if occluders is None or plan.source_index < _WARM_UP_S * _IMAGE_HZ:
-            continue
-        inner, outer = window.at(plan.stamp_ns), occluders.at(plan.stamp_ns)
+    maker = FrameMaker(SimulatedRecording(walk.spec), walk.recipe)
+    for plan, inner, outer in warm_frames(maker):
         depth_m, _ = maker.render(plan.T_map_camera, inner)
         surface_m = nearest_surface(
             depth_m,
             outer.beyond(inner),
             T_camera_local=maker.camera_from_local(plan.T_map_camera),
             camera=maker.images.camera,
-            limits=recipe.depth,
+            limits=maker.recipe.depth,
         )
         yield depth_m, surface_m, *truth_of(walk.spec, plan.source_index, maker.images.camera)
 
