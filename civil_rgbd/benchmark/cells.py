@@ -18,7 +18,7 @@ from civil_rgbd.domain.split import Split
 from civil_rgbd.errors import CivilRgbdError
 from civil_rgbd.evaluation.frames import open_bridges
 from civil_rgbd.evaluation.metrics import MetricRules
-from civil_rgbd.evaluation.results import RESULTS, write_results
+from civil_rgbd.evaluation.results import RESULTS, Scored, write_results
 from civil_rgbd.evaluation.run import EvaluationOptions, evaluate
 from civil_rgbd.format.atomic import writing
 from civil_rgbd.format.content import frames_sha256
@@ -27,8 +27,9 @@ from civil_rgbd.format.split_files import write_split
 from civil_rgbd.lineage import RUN_FILE, SPLIT_FILE, Seen, lineage_of, seen_of
 from civil_rgbd.training.checkpoint import refuse_other_run
 from civil_rgbd.training.identity import run_identity, training_bridges
+from civil_rgbd.training.job import TrainingJob, TrainingOptions
 from civil_rgbd.training.recipe_files import load_training_recipe, training_recipe_texts
-from civil_rgbd.training.run import TrainingJob, TrainingOptions, train
+from civil_rgbd.training.run import train
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,15 +239,14 @@ def _results(cell: Cell, split: Split) -> dict[str, Any]:
     if known is not None:
         return known
     options = EvaluationOptions(rules=cell.rules, flip=cell.flip)
-    return write_results(
-        cell.folder,
-        evaluate(model, cell.data, split, options),
+    scored = Scored(
         model=cell.name,
         data=cell.data.resolve().name,
         model_sha256=model_hash,
         data_sha256=data_hash,
         location=_location_of(cell),
     )
+    return write_results(cell.folder, evaluate(model, cell.data, split, options), scored)
 
 
 def _known_results(

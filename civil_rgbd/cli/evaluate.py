@@ -64,7 +64,7 @@ def command(
     from civil_rgbd.cli.scoring_rules import rules_from
     from civil_rgbd.evaluation.choice import choose_model, choose_split
     from civil_rgbd.evaluation.frames import open_bridges
-    from civil_rgbd.evaluation.results import results_markdown, write_results
+    from civil_rgbd.evaluation.results import Scored, results_markdown, write_results
     from civil_rgbd.evaluation.run import EvaluationOptions, evaluate
     from civil_rgbd.format.content import frames_sha256
 
@@ -79,14 +79,13 @@ def command(
     run = run_folder_of(model)
     is_run = run is not None and (run / MODEL_FILE).is_file()
     folder = out or (run / "results" if run is not None and is_run else Path("results"))
-    document = write_results(
-        folder,
-        evaluation,
+    scored = Scored(
         model=run.resolve().name if run is not None and is_run else Path(model).name,
         data=data.resolve().name,
         model_sha256=model_sha256(chosen, model),
         data_sha256=frames_sha256(open_bridges(data, split.scored()), split.scored()),
         location=model,
     )
+    document = write_results(folder, evaluation, scored)
     print(results_markdown(document))
     print(f"{folder}: results.json, results.csv, results.md, frames.csv")

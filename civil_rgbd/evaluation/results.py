@@ -7,7 +7,7 @@ import csv
 import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
@@ -25,37 +25,44 @@ FRAMES: Final = "frames.csv"
 """The metrics of each frame."""
 
 
-def results_document(
-    evaluation: Evaluation,
-    *,
-    model: str,
-    data: str,
-    model_sha256: str | None = None,
-    data_sha256: str | None = None,
-    location: str | Path | None = None,
-) -> dict[str, Any]:
-    """Return every score as JSON values; NaN, the score of nothing, becomes null.
+@dataclass(frozen=True, slots=True)
+class Scored:
+    """What was scored, and on what.
 
-    Args:
-        evaluation: what came out.
+    Attributes:
         model: what was scored, in the words of the caller.
         data: what it was scored on, in the words of the caller.
         model_sha256: of the model; None where it cannot be known.
         data_sha256: of the frames; None where nobody took it.
         location: where the model is, to say what it has seen; None where that is nowhere.
+    """
+
+    model: str
+    data: str
+    model_sha256: str | None = None
+    data_sha256: str | None = None
+    location: str | Path | None = None
+
+
+def results_document(evaluation: Evaluation, scored: Scored) -> dict[str, Any]:
+    """Return every score as JSON values; NaN, the score of nothing, becomes null.
+
+    Args:
+        evaluation: what came out.
+        scored: which model, on which frames.
 
     Raises:
         FormatError: a document of the model's run is damaged.
     """
-    split = evaluation.split
+    split, location = evaluation.split, scored.location
     lineage = None if location is None else lineage_of(location)
     tests = {name: _test_document(evaluation, name) for name in split.tests}
     return {
         "civil_rgbd_results": 1,
-        "model": model,
-        "model_sha256": model_sha256,
-        "data": data,
-        "data_sha256": data_sha256,
+        "model": scored.model,
+        "model_sha256": scored.model_sha256,
+        "data": scored.data,
+        "data_sha256": scored.data_sha256,
         "run": None if location is None else run_identity_of(location),
         "seen": seen_of(lineage, split.scored()).to_document(),
         "software": software(),
@@ -118,26 +125,13 @@ def _finite(values: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
-def write_results(
-    folder: Path,
-    evaluation: Evaluation,
-    *,
-    model: str,
-    data: str,
-    model_sha256: str | None = None,
-    data_sha256: str | None = None,
-    location: str | Path | None = None,
-) -> dict[str, Any]:
+def write_results(folder: Path, evaluation: Evaluation, scored: Scored) -> dict[str, Any]:
     """Write ``results.json``, ``results.md``, ``results.csv`` and ``frames.csv``; JSON comes last.
 
     Args:
         folder: is made if need be.
         evaluation: what came out.
-        model: what was scored, in the words of the caller.
-        data: what it was scored on, in the words of the caller.
-        model_sha256: of the model; None where it cannot be known.
-        data_sha256: of the frames; None where nobody took it.
-        location: where the model is, to say what it has seen; None where that is nowhere.
+        scored: which model, on which frames.
 
     Returns:
         the JSON document.
@@ -146,14 +140,7 @@ def write_results(
         FormatError: a document of the model's run is damaged.
         OutputError: a file cannot be written.
     """
-    document = results_document(
-        evaluation,
-        model=model,
-        data=data,
-        model_sha256=model_sha256,
-        data_sha256=data_sha256,
-        location=location,
-    )
+    document = results_document(evaluation, scored)
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
     path = folder / RESULTS

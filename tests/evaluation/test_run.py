@@ -18,7 +18,7 @@ from civil_rgbd.errors import FormatError, UsageError
 from civil_rgbd.evaluation.choice import choose_model, choose_split
 from civil_rgbd.evaluation.frames import open_bridges
 from civil_rgbd.evaluation.metrics import METRICS, MetricRules
-from civil_rgbd.evaluation.results import results_document, write_results
+from civil_rgbd.evaluation.results import Scored, results_document, write_results
 from civil_rgbd.evaluation.run import EvaluationOptions, evaluate, mirrored_camera
 from civil_rgbd.format.depth_exr import write_depth
 from civil_rgbd.format.split_files import read_split, write_split
@@ -113,7 +113,7 @@ def test_a_mirrored_camera_sees_the_mirrored_pixel_in_the_mirrored_direction() -
 
 def test_results_hold_split_rules_and_every_score(coded_data: Path, tmp_path: Path) -> None:
     evaluation = evaluate(Reader(1.1), coded_data, SPLIT)
-    document = write_results(tmp_path / "out", evaluation, model="reader", data="kitchener")
+    document = write_results(tmp_path / "out", evaluation, Scored("reader", "kitchener"))
 
     on_disk = json.loads((tmp_path / "out" / "results.json").read_text("utf-8"))
     assert on_disk == document
@@ -134,16 +134,14 @@ def test_results_hold_split_rules_and_every_score(coded_data: Path, tmp_path: Pa
 def test_scores_of_nothing_are_null(coded_data: Path) -> None:
     split = Split(train={}, tests={"some": SPLIT.tests["one"], "none": {"B3": ()}})
 
-    document = results_document(evaluate(Reader(), coded_data, split), model="m", data="d")
+    document = results_document(evaluate(Reader(), coded_data, split), Scored("m", "d"))
 
     assert document["tests"]["none"]["per_image"]["abs_rel"] is None
 
 
 def test_median_scaling_is_in_the_names_of_the_results(coded_data: Path) -> None:
     options = EvaluationOptions(MetricRules(median_scaling=True))
-    document = results_document(
-        evaluate(Reader(3.0), coded_data, SPLIT, options), model="m", data="d"
-    )
+    document = results_document(evaluate(Reader(3.0), coded_data, SPLIT, options), Scored("m", "d"))
 
     scores = document["tests"]["both"]["per_image"]
     assert scores["abs_rel_median_scaled"] == pytest.approx(0, abs=1e-6)
