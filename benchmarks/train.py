@@ -48,8 +48,9 @@ from civil_rgbd.evaluation.frames import open_bridges, rows_of
 from civil_rgbd.evaluation.run import evaluate
 from civil_rgbd.geometry.camera import PinholeCamera
 from civil_rgbd.resources import cache_folder
+from civil_rgbd.training.job import TrainingJob, TrainingOptions
 from civil_rgbd.training.recipe_files import load_training_recipe
-from civil_rgbd.training.run import TrainingJob, TrainingOptions, train
+from civil_rgbd.training.run import train
 
 TEST_BRIDGE = "B5"
 QUICK = ("run.steps=4", "run.norm_batches=1", "model_options.features=32")

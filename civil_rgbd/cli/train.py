@@ -82,8 +82,9 @@ def command(
     require_torch("train")
     import torch
 
+    from civil_rgbd.training.job import TrainingJob, TrainingOptions
     from civil_rgbd.training.recipe_files import load_training_recipe
-    from civil_rgbd.training.run import TrainingJob, TrainingOptions, train
+    from civil_rgbd.training.run import train
 
     if split_file is not None and (shots is not None or draw is not None):
         raise UsageError(

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from importlib.metadata import version
-from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import torch
 
@@ -16,17 +11,10 @@ from civil_rgbd.baselines.checkpoints import load_weights, save_model, write_ten
 from civil_rgbd.baselines.imagenet import load_encoder_weights
 from civil_rgbd.baselines.model import ENTRY_POINT_GROUP, MODEL_FILE, load_model, model_names
 from civil_rgbd.baselines.torch_model import TorchDepthModel
-from civil_rgbd.domain.split import Split
 from civil_rgbd.errors import TrainingError, UsageError
 from civil_rgbd.format.atomic import writing
-from civil_rgbd.format.documents import document_text, read_document, write_text
-from civil_rgbd.format.split_files import write_split
-from civil_rgbd.lineage import FIRST_WEIGHTS, RUN_FILE, SPLIT_FILE, Lineage, lineage_of_weights
-from civil_rgbd.training.checkpoint import (
-    CHECKPOINT,
-    read_checkpoint,
-    refuse_other_run,
-)
+from civil_rgbd.lineage import lineage_of_weights
+from civil_rgbd.training.checkpoint import CHECKPOINT, read_checkpoint
 from civil_rgbd.training.frames import TrainingFrames, load_batches
 from civil_rgbd.training.identity import (
     refuse_nothing_to_learn,
@@ -35,77 +23,14 @@ from civil_rgbd.training.identity import (
     warn_of_leakage,
     weights_file,
 )
-from civil_rgbd.training.journal import BOARD, STEPS, Journal, StepRecord, read_steps
+from civil_rgbd.training.job import TrainingJob, TrainingOptions, TrainingReport
+from civil_rgbd.training.journal import STEPS, Journal, read_steps
 from civil_rgbd.training.loop import TrainingLoop
 from civil_rgbd.training.norms import estimate_norms
 from civil_rgbd.training.order import TrainingOrder
 from civil_rgbd.training.processes import Processes, joined
 from civil_rgbd.training.recipe import TrainingRecipe
-
-_OWN_FILES: Final = (MODEL_FILE, CHECKPOINT, STEPS, SPLIT_FILE, RUN_FILE)
-
-
-@dataclass(frozen=True, slots=True)
-class TrainingJob:
-    """What to train.
-
-    Attributes:
-        data: a dataset folder.
-        split: its ``train`` is trained with.
-        recipe: every number.
-        out: the run's folder.
-        seed: of weights, order and random changes.
-        weights: a run or checkpoint whose weights come first; None for the recipe's.
-    """
-
-    data: Path
-    split: Split
-    recipe: TrainingRecipe
-    out: Path
-    seed: int = 0
-    weights: Path | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class TrainingOptions:
-    """How to train; nothing here changes what comes out, on one kind of device.
-
-    Attributes:
-        device: ``auto``, ``cpu``, ``cuda``, ``mps``.
-        workers: processes that decode; 0 for none.
-        imagenet: file of ImageNet weights; None fetches them when the recipe asks for them.
-        tensorboard: write for TensorBoard.
-        overwrite: delete the run in the same folder, whichever it is, and train from the start.
-        on_step: called with each step and the number of steps, in the first process.
-    """
-
-    device: str = "auto"
-    workers: int = 0
-    imagenet: Path | None = None
-    tensorboard: bool = True
-    overwrite: bool = False
-    on_step: Callable[[StepRecord, int], object] = lambda _record, _steps: None
-
-
-@dataclass(frozen=True, slots=True)
-class TrainingReport:
-    """What was done.
-
-    Attributes:
-        out: the run's folder; ``model.pt`` is there.
-        frames: trained with.
-        steps: of the run.
-        steps_found: that were done before.
-        last_loss: of the last step.
-        seconds: that this took.
-    """
-
-    out: Path
-    frames: int
-    steps: int
-    steps_found: int
-    last_loss: float
-    seconds: float
+from civil_rgbd.training.run_folder import delete_run, is_begun, prepare_folder
 
 
 def train(job: TrainingJob, options: TrainingOptions | None = None) -> TrainingReport:
@@ -144,14 +69,14 @@ def train(job: TrainingJob, options: TrainingOptions | None = None) -> TrainingR
             first = None if job.weights is None else lineage_of_weights(job.weights)
             if first is not None:
                 warn_of_leakage(first, job.split)
-            is_new = _prepare_folder(job, identity, first, overwrite=options.overwrite)
+            is_new = prepare_folder(job, identity, first, overwrite=options.overwrite)
         processes.wait()
         frames = TrainingFrames(job.data, job.split.train, job.recipe, seed=job.seed)
         try:
             found = _train_model(job, options, frames, processes, identity)
         except BaseException:
-            if is_new and not _is_begun(job.out):
-                _delete_run(job.out)  # so that the command may take the folder once it is mended
+            if is_new and not is_begun(job.out):
+                delete_run(job.out)  # so that the command may take the folder once it is mended
             raise
         order = TrainingOrder(len(frames), job.recipe.run.batch, job.seed)
         return _report(job, order, found=found, seconds=time.monotonic() - started)
@@ -188,45 +113,6 @@ def _refuse_uneven(recipe: TrainingRecipe, processes: Processes) -> None:
             where="run.batch",
             fix=f"give a multiple: --set run.batch={processes.count * 4}",
         )
-
-
-def _prepare_folder(
-    job: TrainingJob, identity: dict[str, Any], first: Lineage | None, *, overwrite: bool
-) -> bool:
-    """Write what the run is, or hold it against what lies there; tell whether it is a new one."""
-    path = job.out / RUN_FILE
-    with writing(job.out):
-        job.out.mkdir(parents=True, exist_ok=True)
-    if overwrite:
-        _delete_run(job.out)
-    if path.is_file():
-        found = read_document(path)
-        recipes = found.get("recipe", {}), job.recipe.to_document()
-        refuse_other_run(found["identity"], identity, where=job.out, recipes=recipes)
-        return False
-    write_split(job.out / SPLIT_FILE, job.split)
-    document = {
-        "civil_rgbd_run": 1,
-        "identity": identity,
-        "data": job.data.resolve().name,
-        "recipe": job.recipe.to_document(),
-        FIRST_WEIGHTS: None if first is None else first.to_document(),
-        "software": {"civil_rgbd": version("civil-rgbd"), "torch": str(torch.__version__)},
-    }
-    write_text(path, document_text(document))
-    return True
-
-
-def _is_begun(out: Path) -> bool:
-    """Tell whether a run has anything to lose."""
-    return any((out / name).exists() for name in (MODEL_FILE, CHECKPOINT)) or bool(read_steps(out))
-
-
-def _delete_run(out: Path) -> None:
-    with writing(out):
-        for name in _OWN_FILES:
-            (out / name).unlink(missing_ok=True)
-        shutil.rmtree(out / BOARD, ignore_errors=True)
 
 
 def _begun(

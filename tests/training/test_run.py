@@ -23,8 +23,9 @@ from civil_rgbd.evaluation.run import evaluate
 from civil_rgbd.format.split_files import read_split
 from civil_rgbd.lineage import Seen, lineage_of, seen_of
 from civil_rgbd.training.frames import TrainingFrames
+from civil_rgbd.training.job import TrainingJob, TrainingOptions
 from civil_rgbd.training.journal import StepRecord, read_steps
-from civil_rgbd.training.run import TrainingJob, TrainingOptions, train
+from civil_rgbd.training.run import train
 
 from .conftest import SPLIT, ids, learnable_frame, tiny_recipe, write_bridge
 
