@@ -26,7 +26,7 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -39,7 +39,7 @@ from visibility_scenes import BRIDGES, RAILING, SOFFIT, Frames, Walk, walked
 from civil_rgbd.builder.plan import plan_frames
 from civil_rgbd.domain.recipe import VisibilityStage
 from civil_rgbd.pipeline.frames import FrameMaker
-from civil_rgbd.pipeline.visibility import closed_front, remove_hidden
+from civil_rgbd.pipeline.visibility import closed_front, forget_gone, remove_hidden
 from civil_rgbd.simulator.recording import SimulatedRecording
 
 LEAKS, LOST, COST_MS, KEPT = 0.0005, 0.005, 3.0, 0.95
@@ -47,6 +47,8 @@ LEAKS, LOST, COST_MS, KEPT = 0.0005, 0.005, 3.0, 0.95
 
 MARGIN_M, MARGIN_SHARE = 0.1, 0.02
 THIN_PX, FAR_M = 3, 30.0
+GONE_PX = 7
+"""Tried beside the recipe's own, which takes nothing for gone."""
 
 Mask = NDArray[np.bool_]
 
@@ -70,8 +72,9 @@ def score_of(frames: Frames, stage: VisibilityStage) -> Score:
     for depth_m, surface_m, truth_m, kind in zip(
         frames.depth_m, frames.surface_m, frames.truth_m, frames.kind, strict=True
     ):
-        kept_m = depth_m.copy()
-        front_m = closed_front(surface_m, camera=frames.camera, stage=stage)
+        kept_m, seen_m = depth_m.copy(), surface_m.copy()
+        forget_gone(seen_m, depth_m, camera=frames.camera, stage=stage)
+        front_m = closed_front(seen_m, camera=frames.camera, stage=stage)
         remove_hidden(kept_m, front_m, stage=stage)
         leak, good = judged(depth_m, truth_m)
         valid, kept = depth_m > 0, kept_m > 0
@@ -174,8 +177,12 @@ def main() -> int:
     ok, alone = True, []
     for title, changed in conditions.items():
         walks = [Walk(bridge, **changed) for bridge in arguments.bridges]
-        scores = [score_of(walked(w, arguments.cache), _stage(w)) for w in walks]
+        frames = [walked(walk, arguments.cache) for walk in walks]
+        stages = [walk.recipe.visibility or VisibilityStage() for walk in walks]
+        scores = list(map(score_of, frames, stages))
         print(row(title, scores), flush=True)
+        forgetting = [replace(stage, gone_px=GONE_PX) for stage in stages]
+        print(row(f"  with gone_px = {GONE_PX}", list(map(score_of, frames, forgetting))))
         if title in targets:
             alone += [
                 row(f"  {title} {walk.bridge}", [score])
@@ -193,11 +200,6 @@ def main() -> int:
         ok &= cost <= most_ms
     print("every target is met" if ok else "A TARGET IS MISSED")
     return 0 if ok else 1
-
-
-def _stage(walk: Walk) -> VisibilityStage:
-    stage = walk.recipe.visibility
-    return stage if stage is not None else VisibilityStage()
 
 
 if __name__ == "__main__":

@@ -674,6 +674,30 @@ MUTATIONS = (
         "reach_px",
     ),
     Mutation(
+        "hidden: what has gone is as wide in pixels whatever the focal length",
+        VISIBILITY,
+        "_square(_scaled_px(stage.gone_px, camera))",
+        "_square(stage.gone_px)",
+    ),
+    Mutation(
+        "hidden: one point behind is enough for gone",
+        VISIBILITY,
+        "around_m = cv2.erode(",
+        "around_m = cv2.dilate(",
+    ),
+    Mutation(
+        "hidden: nobody behind is enough for gone",
+        VISIBILITY,
+        "< np.float64(around_m[row, column]) < np.inf:",
+        "< np.float64(around_m[row, column]):",
+    ),
+    Mutation(
+        "hidden: what has gone leaves a hole in the frame's own",
+        VISIBILITY,
+        "surface_m[row, column] = own_m[row, column]",
+        "surface_m[row, column] = np.inf",
+    ),
+    Mutation(
         "hidden: exactly the margin is hidden (> to >=)",
         VISIBILITY,
         "if np.float64(depth_m[row, column]) > limit_m:",
@@ -682,14 +706,14 @@ MUTATIONS = (
     Mutation(
         "hidden: no margin in metres",
         VISIBILITY,
-        "* times + margin_m",
-        "* times",
+        "np.float64(front_m[row, column]) * times + margin_m",
+        "np.float64(front_m[row, column]) * times",
     ),
     Mutation(
         "hidden: no margin by depth",
         VISIBILITY,
-        "1.0 + stage.margin_share",
-        "1.0",
+        "depth_m, front_m, stage.margin_m, 1.0 + stage.margin_share",
+        "depth_m, front_m, stage.margin_m, 1.0",
     ),
     Mutation(
         "hidden: the limit in float32",

@@ -154,12 +154,14 @@ def _refuse_contradictions(recipe: Recipe, where: object) -> None:
                     f"{stage}.{key} is {value!r}", where=where, fix="take a finite number"
                 )
     seen = recipe.visibility
-    if seen is not None and not seen.closing_px % 2:
-        raise RecipeError(
-            f"visibility.closing_px is {seen.closing_px}, which is even",
-            where=where,
-            fix=f"take {seen.closing_px + 1}: a pixel has as many neighbours on either side",
-        )
+    for key in ("closing_px", "gone_px") if seen is not None else ():
+        side_px = getattr(seen, key)
+        if side_px and not side_px % 2:
+            raise RecipeError(
+                f"visibility.{key} is {side_px}, which is even",
+                where=where,
+                fix=f"take {side_px + 1}: a pixel has as many neighbours on either side",
+            )
     step_m = recipe.depth.step_m
     if step_m and math.frexp(step_m)[0] != 0.5:
         raise RecipeError(

@@ -115,6 +115,9 @@ class VisibilityStage:
             :data:`CLOSING_FX_PX`, and as much wider or narrower as the stored image's is; odd.
         rim_px: how far beyond a pixel a front must reach on every side to hide it, in pixels of
             the stored image.
+        gone_px: an older point hides nothing where all of the frame's own points in a square of
+            this side lie behind it: what it was of has moved away. In pixels as ``closing_px``;
+            odd, or 0: nothing is taken for gone.
         margin_m: a pixel is hidden when it lies behind the front by more than this, and
         margin_share: more than this share of the front's depth.
     """
@@ -123,6 +126,7 @@ class VisibilityStage:
     max_age_s: float = 0.0
     closing_px: int = 5
     rim_px: int = 1
+    gone_px: int = 0
     margin_m: float = 0.2
     margin_share: float = 0.05
 

@@ -20,7 +20,7 @@ from civil_rgbd.pipeline.mapped_scans import MappedScans
 from civil_rgbd.pipeline.prepare import PointCounts
 from civil_rgbd.pipeline.quality import quality_planes
 from civil_rgbd.pipeline.render import render_depth
-from civil_rgbd.pipeline.visibility import closed_front, nearest_surface, remove_hidden
+from civil_rgbd.pipeline.visibility import closed_front, forget_gone, nearest_surface, remove_hidden
 from civil_rgbd.pipeline.winners import find_winners
 
 
@@ -171,6 +171,7 @@ class FrameMaker:
             camera=self.images.camera,
             limits=self.recipe.depth,
         )
+        forget_gone(surface_m, depth_m, camera=self.images.camera, stage=self.recipe.visibility)
         front_m = closed_front(surface_m, camera=self.images.camera, stage=self.recipe.visibility)
         return remove_hidden(depth_m, front_m, stage=self.recipe.visibility)
 

@@ -56,6 +56,35 @@ def nearest_surface(
     return nearest[:-1].reshape(depth_m.shape)
 
 
+def forget_gone(
+    surface_m: NDArray[np.float32],
+    depth_m: NDArray[np.float32],
+    *,
+    camera: PinholeCamera,
+    stage: VisibilityStage,
+) -> None:
+    """Let older points hide nothing where all of the frame's own around them lie behind.
+
+    What moved away still stands in the older points; the frame's own have seen what was behind.
+
+    Args:
+        surface_m: (H, W) float32, from :func:`nearest_surface`. Changed in place.
+        depth_m: (H, W) float32, metres, 0 = nothing measured: of the frame's points.
+        camera: the pinhole.
+        stage: how far around, and how far behind.
+    """
+    if not stage.gone_px:
+        return
+    own_m = np.empty(depth_m.size + 1, dtype=np.float32)
+    _begin(depth_m.ravel(), np.float32(NO_DEPTH_M), own_m)
+    own_m = own_m[:-1].reshape(depth_m.shape)
+    # Beyond the image the pixels of its edge: those that the neighbourhood has anyway.
+    around_m = cv2.erode(
+        own_m, _square(_scaled_px(stage.gone_px, camera)), borderType=cv2.BORDER_REPLICATE
+    )
+    _forget(surface_m, own_m, around_m, stage.margin_m, 1.0 + stage.margin_share)
+
+
 def closed_front(
     surface_m: NDArray[np.float32], *, camera: PinholeCamera, stage: VisibilityStage
 ) -> NDArray[np.float32]:
@@ -71,7 +100,7 @@ def closed_front(
     """
     # Minima and maxima only: exact, whatever instructions the processor has. What lies outside of
     # the image counts for neither.
-    closing_px = _closing_px(stage, camera)
+    closing_px = _scaled_px(stage.closing_px, camera)
     grown = cv2.erode(surface_m, _square(closing_px))
     return np.asarray(cv2.dilate(grown, _square(closing_px + 2 * stage.rim_px)))
 
@@ -95,9 +124,9 @@ def remove_hidden(
     return removed
 
 
-def _closing_px(stage: VisibilityStage, camera: PinholeCamera) -> int:
-    """Return the side of the squares that close holes, in pixels of this camera; odd."""
-    reach_px = stage.closing_px // 2
+def _scaled_px(side_px: int, camera: PinholeCamera) -> int:
+    """Return the side of a square in pixels of this camera; odd, and 1 only if it is 1."""
+    reach_px = side_px // 2
     if not reach_px:
         return 1
     scaled_px = math.floor(reach_px * camera.fx_px / CLOSING_FX_PX + 0.5)
@@ -127,3 +156,13 @@ def _remove(depth_m, front_m, margin_m, times, no_depth_m):  # type: ignore[no-u
                 depth_m[row, column] = no_depth_m
                 removed += 1
     return removed
+
+
+@numba.njit(cache=True, nogil=True)
+def _forget(surface_m, own_m, around_m, margin_m, times):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202  # a kernel: numba infers
+    rows, columns = surface_m.shape
+    for row in range(rows):
+        for column in range(columns):
+            limit_m = np.float64(surface_m[row, column]) * times + margin_m
+            if limit_m < np.float64(around_m[row, column]) < np.inf:
+                surface_m[row, column] = own_m[row, column]

@@ -335,9 +335,10 @@ def test_250k_clean_is_250k_that_looks_what_hides_what() -> None:
     )
 
 
-def test_a_closing_without_a_middle_is_refused() -> None:
-    with pytest.raises(RecipeError, match="closing_px is 4, which is even") as refused:
-        load_recipe("250k-clean", ["visibility.closing_px=4"])
+@pytest.mark.parametrize("key", ["closing_px", "gone_px"])
+def test_a_square_without_a_middle_is_refused(key: str) -> None:
+    with pytest.raises(RecipeError, match=f"{key} is 4, which is even") as refused:
+        load_recipe("250k-clean", [f"visibility.{key}=4"])
     assert "take 5" in refused.value.fix
 
 

@@ -24,10 +24,10 @@ from civil_rgbd.domain.rig import Rig
 from civil_rgbd.domain.scan import LidarScan
 from civil_rgbd.geometry.camera import LensCamera, PinholeCamera
 from civil_rgbd.pipeline.frames import FrameMaker, FrameOutcome, PlannedFrame
-from civil_rgbd.pipeline.visibility import closed_front, nearest_surface, remove_hidden
+from civil_rgbd.pipeline.visibility import closed_front, forget_gone, nearest_surface, remove_hidden
 
 from ..recordings import MemoryRecording, standing_still
-from ..reference.visibility import hidden
+from ..reference.visibility import hidden, without_gone
 from ..reference.zbuffer import Pinhole, zbuffer_by_minimum_at
 from ..strategies import seeds
 
@@ -83,7 +83,7 @@ def test_it_equals_its_slow_twin_pixel_by_pixel(
     seed: int, closing_px: int, rim_px: int, margin: tuple[float, float], filled: float
 ) -> None:
     rng = np.random.default_rng(seed)
-    stage = VisibilityStage(1, 0.0, closing_px, rim_px, *margin)
+    stage = VisibilityStage(1, 0.0, closing_px, rim_px, 0, *margin)
     # Few depths, many ties: limits are met exactly.
     depth_m = rng.choice(np.array([2, 4, 4.5, 9, 20], dtype=np.float32), image().shape)
     depth_m[rng.random(depth_m.shape) > filled] = 0
@@ -168,6 +168,38 @@ def test_older_points_hide_what_the_frames_own_do_not() -> None:
     expected = image().astype(np.bool_)
     expected[5:12, 7:16] = True  # all of the pier but its rim
     np.testing.assert_array_equal(with_them, expected)
+
+
+@given(seeds, st.sampled_from([0, 1, 3, 7]), st.sampled_from([0.02, 0.3, 1.0]))
+def test_what_has_gone_equals_its_slow_twin_pixel_by_pixel(
+    seed: int, gone_px: int, filled: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    stage = replace(STAGE, gone_px=gone_px)
+    depths = np.array([2, 4, 4.18, 4.19, 9], dtype=np.float32)  # 4.18 = 4 x 1.02 + 0.1
+    depth_m, older_m = rng.choice(depths, image().shape), rng.choice(depths, image().shape)
+    depth_m[rng.random(depth_m.shape) > filled] = 0
+    older_m[rng.random(depth_m.shape) > 0.5] = np.inf
+    surface_m = np.minimum(np.where(depth_m > 0, depth_m, np.float32(np.inf)), older_m)
+
+    found = surface_m.copy()
+    forget_gone(found, depth_m, camera=AS_TUNED, stage=stage)
+
+    expected = without_gone(surface_m, depth_m, gone_px=gone_px, margin_m=0.1, margin_share=0.02)
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_where_a_van_stood_is_as_many_pixels_wide_as_the_focal_length_makes_it() -> None:
+    stage = replace(STAGE, gone_px=5)
+    depth_m, surface_m = image(), np.full(image().shape, 6.0, dtype=np.float32)
+    depth_m[8, 12] = 15.0  # the one pixel that has seen the wall behind
+    for fx_px, side_px in ((CLOSING_FX_PX, 5), (CLOSING_FX_PX * 2, 9), (CLOSING_FX_PX / 2, 3)):
+        found = surface_m.copy()
+        forget_gone(found, depth_m, camera=replace(CAMERA, fx_px=fx_px), stage=stage)
+
+        assert (found != 6.0).sum() == side_px**2
+        assert found[8, 12] == 15.0
+        assert np.isinf(found[8, 13])
 
 
 def test_a_thin_railing_keeps_its_own_pixels_and_those_between_its_bars() -> None:
@@ -287,6 +319,14 @@ def test_points_too_old_or_too_many_hide_nothing(
     found = frames(replace(RECIPE, visibility=stage))
 
     assert [outcome.pixels_removed > 0 for outcome in found] == hides
+
+
+def test_what_every_later_point_has_seen_behind_hides_nothing() -> None:
+    stage = replace(STILL, gone_px=5)
+
+    found = frames(replace(RECIPE, visibility=stage))
+
+    assert [outcome.pixels_removed for outcome in found] == [0, 0, 0]
 
 
 def test_without_the_stage_nothing_is_removed_and_no_older_scan_is_read() -> None:

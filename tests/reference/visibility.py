@@ -39,6 +39,36 @@ def hidden(
     return out
 
 
+def without_gone(
+    surface_m: NDArray[np.float32],
+    depth_m: NDArray[np.float32],
+    *,
+    gone_px: int,
+    margin_m: float,
+    margin_share: float,
+) -> NDArray[np.float32]:
+    """Return the surface (H, W) without the older points that the frame's own have seen behind.
+
+    Args:
+        surface_m: (H, W), the least depth that any point has there, inf = none.
+        depth_m: (H, W), of the frame's own points, 0 = none.
+        gone_px: side of the neighbourhood, 0 = leave the surface as it is.
+        margin_m: of depth.
+        margin_share: of the surface's depth.
+    """
+    out = surface_m.copy()
+    half = gone_px // 2
+    for row, column in np.ndindex(depth_m.shape) if gone_px else ():
+        rows = slice(max(row - half, 0), row + half + 1)
+        columns = slice(max(column - half, 0), column + half + 1)
+        limit = float(surface_m[row, column]) * (1.0 + margin_share) + margin_m
+        own = [depth for depth in depth_m[rows, columns].ravel().tolist() if depth > 0]
+        if own and all(depth > limit for depth in own):
+            own_here = float(depth_m[row, column])
+            out[row, column] = own_here if own_here > 0 else math.inf
+    return out
+
+
 def neighbourhoods(
     values: NDArray[np.float32], half: int, of: Callable[[list[float]], float]
 ) -> NDArray[np.float32]:
