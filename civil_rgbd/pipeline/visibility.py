@@ -75,9 +75,9 @@ def forget_gone(
     """
     if not stage.gone_px:
         return
-    own_m = np.empty(depth_m.size + 1, dtype=np.float32)
-    _begin(depth_m.ravel(), np.float32(NO_DEPTH_M), own_m)
-    own_m = own_m[:-1].reshape(depth_m.shape)
+    flat_m = np.empty(depth_m.size + 1, dtype=np.float32)
+    _begin(depth_m.ravel(), np.float32(NO_DEPTH_M), flat_m)
+    own_m = flat_m[:-1].reshape(depth_m.shape)
     # Beyond the image the pixels of its edge: those that the neighbourhood has anyway.
     around_m = cv2.erode(
         own_m, _square(_scaled_px(stage.gone_px, camera)), borderType=cv2.BORDER_REPLICATE
