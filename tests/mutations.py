@@ -761,14 +761,14 @@ MUTATIONS = (
     Mutation(
         "quality: noise along the ray taken for depth",
         QUALITY,
-        "weak2 + slant_m**2) / ray",
-        "weak2 + slant_m**2)",
+        "range_noise_m**2 / ray2",
+        "range_noise_m**2",
     ),
     Mutation(
         "quality: depth taken for range",
         QUALITY,
-        "distance_m = depth_m * ray",
-        "distance_m = depth_m + 0 * ray",
+        "(weak2 + slant2) * depth_m",
+        "(weak2 + slant2) / ray2 * depth_m",
     ),
     Mutation(
         "quality: rounding errs by a whole step",
@@ -779,8 +779,8 @@ MUTATIONS = (
     Mutation(
         "quality: leaves taken for planes",
         QUALITY,
-        "(1.0 + np.clip(rough, 0.0, 1.0))",
-        "(1.0 + 0.0 * rough)",
+        "(_LEAF_TANGENT * leaves)",
+        "(0.0 * leaves)",
     ),
     Mutation(
         "quality: more returns than half floats can count",

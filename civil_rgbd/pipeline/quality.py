@@ -6,6 +6,7 @@ noise brings it nearest, so that depth is too small on average; on a slanting on
 spread of depth decides, and the noise hardly matters. With surface depth and noise both normal, of
 deviations s and e, the winner's noise has mean -c_n e^2 / r and variance e^2 - (1 - v_n) e^4 / r^2,
 where r^2 = e^2 + s^2, and c_n and v_n are mean and variance of the largest of n normal numbers.
+Neighbours miss their plane by v_n r^2 as well: what they show corrects what a recipe states of e.
 """
 
 from __future__ import annotations
@@ -22,14 +23,18 @@ from civil_rgbd.constants import NO_DEPTH_M
 from civil_rgbd.domain.frame import EMPTY
 from civil_rgbd.domain.recipe import DepthStage, QualityStage
 from civil_rgbd.geometry.camera import PinholeCamera
-from civil_rgbd.pipeline.slopes import Slopes, slopes_of
+from civil_rgbd.pipeline.slopes import STEEPEST, Slopes, slopes_of
 from civil_rgbd.pipeline.winners import NO_WINNER, Winners, returns_within
 
-_STEEPEST: Final = 10.0  # tangent: 84 degrees; beams that slant more hardly ever return
 _SAME_SURFACE_SIGMAS: Final = 6.0  # all of many returns from one surface lie so near the nearest
-_SMOOTH: Final = 1.5
-_ROUGH: Final = 5.5
-"""Times the noise by which neighbours miss the plane: below, it is a plane; above, it is leaves."""
+_PLANE, _NO_PLANE, _LEAVES = 2.0, 3.0, 5.5
+"""Times the noise by which neighbours miss the plane: up to the first they show how large it really
+is, from the second on they do not, from the third on it is leaves and no plane at all."""
+_LEAF_TURNS: Final = 0.4  # leaves slant more than the plane through them, by so much of its tangent
+_LEAF_TANGENT: Final = 1.0  # and by this even where that plane faces the beam
+_DOUBT: Final = 0.6  # of what neighbours show, as a share of the doubt about what a recipe states
+_MOST_OVER: Final = 4.0  # times the stated variance that neighbours can make of it
+_TINY2: Final = 1e-12  # no variance is less, so that none is 0
 _MOST_RETURNS: Final = 2048  # half floats count no further without gaps
 
 # n, and mean and variance of the largest of n standard normal numbers, by numerical integration.
@@ -119,12 +124,12 @@ def expected_error(
     stage: QualityStage,
 ) -> ExpectedError:
     """Return mean and standard deviation of depth - truth, for (H, W) pixels with depth."""
-    slopes = slopes_of(depth_m, camera, noise_m=stage.range_noise_m)
-    sigma_m = _one_return(depth_m, slopes, camera, depth, stage)
-    one2 = sigma_m**2
+    of, means, variances = _LARGEST_OF.T
+    narrowed = np.interp(winners.returns, of, variances)
+    slopes = slopes_of(depth_m, camera, narrowed=narrowed, stage=stage)
+    one2 = _one_return2(depth_m, slopes, camera=camera, depth=depth, stage=stage)
     both2 = one2 + slopes.spread_m**2 + np.maximum(slopes.rough_m**2 - one2, 0.0)
     count = returns_within(winners, _SAME_SURFACE_SIGMAS * np.sqrt(both2))
-    of, means, variances = _LARGEST_OF.T
     mean, variance = np.interp(count, of, means), np.interp(count, of, variances)
     with np.errstate(divide="ignore", invalid="ignore"):  # 0 / 0 where there is no depth
         bias_m = -mean * one2 / np.sqrt(both2)
@@ -136,30 +141,40 @@ def expected_error(
     )
 
 
-def _one_return(
+def _one_return2(
     depth_m: NDArray[np.float32],
     slopes: Slopes,
+    *,
     camera: PinholeCamera,
     depth: DepthStage,
     stage: QualityStage,
 ) -> NDArray[np.float64]:
-    """Standard deviation of the depth of one return that falls into a pixel."""
+    """Variance of the depth of one return that falls into a pixel."""
     x = (np.arange(camera.width_px) - camera.cx_px) / camera.fx_px
     y = (np.arange(camera.height_px) - camera.cy_px) / camera.fy_px
-    ray = np.sqrt(1.0 + x[np.newaxis, :] ** 2 + y[:, np.newaxis] ** 2)  # range / depth
+    ray2 = 1.0 + x[np.newaxis, :] ** 2 + y[:, np.newaxis] ** 2  # (range / depth)^2
+    least2 = stage.range_noise_m**2 / ray2 + stage.pose_noise_m**2 + depth.step_m**2 / 12
 
-    def sigma_at(tangent: NDArray[np.float64]) -> NDArray[np.float64]:
-        distance_m = depth_m * ray
-        slant_m = stage.slant_noise_rad * np.minimum(tangent, _STEEPEST) * distance_m
+    def stated2(tangent: NDArray[np.float64]) -> NDArray[np.float64]:
+        slant2 = (stage.slant_noise_rad * np.minimum(tangent, STEEPEST)) ** 2
         # The signal weakens with the square of the range, and with the cosine of the angle.
-        weak2 = (stage.weak_noise_share * distance_m) ** 2 * np.sqrt(1.0 + tangent**2)
-        range_m = np.sqrt(stage.range_noise_m**2 + weak2 + slant_m**2) / ray
-        others2 = stage.pose_noise_m**2 + depth.step_m**2 / 12
-        return np.asarray(np.sqrt(range_m**2 + others2))
+        weak2 = stage.weak_noise_share**2 * np.sqrt(1.0 + tangent**2)
+        return np.asarray(least2 + (weak2 + slant2) * depth_m.astype(np.float64) ** 2)
 
-    # Leaves slant more than the plane through them: up to twice as much, as simulated ones showed.
-    rough = (slopes.rough_m / sigma_at(slopes.tangent) - _SMOOTH) / (_ROUGH - _SMOOTH)
-    return sigma_at(slopes.tangent * (1.0 + np.clip(rough, 0.0, 1.0)))
+    spread2 = slopes.spread_m**2
+    rough = slopes.rough_m / np.sqrt(stated2(slopes.tangent) + spread2 + _TINY2)
+    leaves = np.clip((rough - _PLANE) / (_LEAVES - _PLANE), 0.0, 1.0)
+    turned = slopes.tangent * (1.0 + _LEAF_TURNS * leaves)
+    one2 = stated2(np.sqrt(turned**2 + (_LEAF_TANGENT * leaves) ** 2))
+    # What neighbours show is of use where they lie in a plane, whose own spread does not hide it.
+    both2 = one2 + spread2 + _TINY2
+    known = slopes.rough_m > 0
+    narrowed = np.where(known, slopes.narrowed, 1.0)
+    shown2 = np.minimum(slopes.rough_m**2 / narrowed, _MOST_OVER * both2)
+    plane = np.clip((_NO_PLANE - rough / np.sqrt(narrowed)) / (_NO_PLANE - _PLANE), 0.0, 1.0)
+    weight = plane * one2**2 / (one2**2 + (_DOUBT * both2) ** 2)
+    corrected2 = np.clip(one2 + weight * (shown2 - both2), least2, _MOST_OVER * one2)
+    return np.where(known, corrected2, one2)
 
 
 def _why_empty(

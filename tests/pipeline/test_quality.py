@@ -92,24 +92,66 @@ def test_the_nearest_of_many_returns_is_too_near_by_the_stored_bias() -> None:
 
 
 def test_sigma_grows_with_range_and_slant_as_the_recipe_says() -> None:
-    window, _, _ = wall(25_000, 1.8, noise_m=0.0)
-    far = window_of(window.segments[0].T * 4, window.stamps_ns[0])
     slanting = replace(STAGE, slant_noise_rad=0.002)
     weak = replace(STAGE, weak_noise_share=0.002)
 
-    def middle(of: PointWindow, stage: QualityStage) -> float:
-        planes, _, _ = planes_of(of, stage)
-        alone = (planes["returns"] == 1) & (np.abs(np.arange(160) - 79.5) < 8)
-        return float(np.median(planes["sigma_m"][alone]))
+    def alone(depth_m: float, stage: QualityStage) -> float:
+        point = window_of(np.array([[0.0, 0.0, depth_m]]), np.zeros(1, dtype=np.int64))
+        planes, _, _ = planes_of(point, stage)
+        return float(planes["sigma_m"].max())
 
-    assert middle(window, STAGE) == pytest.approx(0.02, rel=0.05)
-    assert middle(far, STAGE) == pytest.approx(0.02, rel=0.05)
+    # A lonely return is taken to come from a surface that slants with tangent 8.
+    assert alone(8.0, STAGE) == alone(32.0, STAGE) == pytest.approx(0.02, rel=1e-3)
+    assert alone(8.0, slanting) == pytest.approx(np.hypot(0.02, 0.002 * 8 * 8), rel=1e-2)
+    assert alone(32.0, slanting) == pytest.approx(np.hypot(0.02, 0.002 * 32 * 8), rel=1e-2)
+    expected = np.hypot(0.02, 0.002 * 32 * np.hypot(1, 8) ** 0.5)
+    assert alone(32.0, weak) == pytest.approx(expected, rel=1e-2)
+
+
+def test_sigma_of_a_wall_grows_with_its_own_slant() -> None:
+    slanting = replace(STAGE, slant_noise_rad=0.002)
+    expected_m = np.hypot(0.02, 0.002 * 8 * 1.8)
+    window, _, _ = wall(25_000, 1.8, noise_m=expected_m)
+
+    planes, _, _ = planes_of(window, slanting)
+
     # Where the ray is the axis, the tangent is that of the wall.
-    assert middle(window, slanting) == pytest.approx(np.hypot(0.02, 0.002 * 8 * 1.8), rel=0.1)
-    assert middle(far, slanting) == pytest.approx(np.hypot(0.02, 0.002 * 32 * 1.8), rel=0.1)
-    cosine = 1 / np.hypot(1, 1.8)
-    expected = np.hypot(0.02, 0.002 * 32 / np.sqrt(cosine))
-    assert middle(far, weak) == pytest.approx(expected, rel=0.1)
+    alone = (planes["returns"] == 1) & (np.abs(np.arange(160) - 79.5) < 8)
+    assert np.median(planes["sigma_m"][alone]) == pytest.approx(expected_m, rel=0.1)
+
+
+@pytest.mark.parametrize(("noise_m", "low_m", "high_m"), [(0.02, 0.02, 0.03), (0.06, 0.05, 0.066)])
+def test_what_neighbours_show_corrects_what_the_recipe_says(
+    noise_m: float, low_m: float, high_m: float
+) -> None:
+    window, _, _ = wall(12_000, 0.0, noise_m=noise_m)
+    stated_m = np.hypot(0.02, 0.0045 * 8)  # 4.1 cm: twice as much, or two thirds
+
+    planes, _, _ = planes_of(window, replace(STAGE, weak_noise_share=0.0045))
+
+    alone = planes["returns"] == 1
+    assert not low_m < stated_m < high_m
+    assert low_m <= np.median(planes["sigma_m"][alone]) <= high_m
+
+
+def test_noise_that_is_the_same_everywhere_is_calibrated_when_the_recipe_says_so() -> None:
+    window, truth_m, _ = wall(25_000, 1.8, noise_m=0.02)
+    far = window_of(window.segments[0].T.astype(np.float64) * 6, window.stamps_ns[0])
+    # What was 2 cm of noise is 12 cm there: taken back to 2 cm along each ray.
+    ray = far.segments[0] / far.segments[0][2]
+    truth_m = truth_m * 6
+    depth_m = truth_m + (far.segments[0][2] - truth_m) / 6
+    far = window_of((ray * depth_m).T, far.stamps_ns[0])
+
+    def width(stage: QualityStage) -> float:
+        planes, stored_m, winners = planes_of(far, stage)
+        won = winners.point >= 0
+        error = stored_m[won] - truth_m[winners.point[won]]
+        z = (error - planes["bias_m"][won]) / planes["sigma_m"][won]
+        return float(1.4826 * np.median(np.abs(z - np.median(z))))
+
+    assert 0.8 < width(STAGE) < 1.25
+    assert width(QualityStage()) < 0.8  # a sensor is stated that errs more where beams slant
 
 
 def test_towards_the_corners_less_of_the_noise_is_depth_and_the_way_is_longer() -> None:
@@ -133,15 +175,15 @@ def test_towards_the_corners_less_of_the_noise_is_depth_and_the_way_is_longer() 
 
 def test_leaves_slant_more_than_the_plane_through_them() -> None:
     slanting = replace(STAGE, slant_noise_rad=0.01)
-    plane, leaves = (wall(25_000, 1.0, noise_m=noise_m)[0] for noise_m in (0.0, 0.4))
+    plane, leaves = (wall(25_000, 0.2, noise_m=noise_m)[0] for noise_m in (0.0256, 0.6))
 
     def middle(window: PointWindow) -> float:
         planes, _, _ = planes_of(window, slanting)
         alone = (planes["returns"] == 1) & (np.abs(np.arange(160) - 79.5) < 8)
         return float(np.median(planes["sigma_m"][alone]))
 
-    assert middle(plane) == pytest.approx(np.hypot(0.02, 0.01 * 8), rel=0.1)
-    assert middle(leaves) > 1.5 * middle(plane)
+    assert middle(plane) < 0.035
+    assert middle(leaves) > 0.06  # a tangent of about 1
 
 
 def test_returns_are_counted_as_far_as_half_floats_count_one_by_one() -> None:
