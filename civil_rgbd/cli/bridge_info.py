@@ -9,21 +9,14 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from civil_rgbd.cli.places import dataset_option
 from civil_rgbd.errors import UsageError
 
 if TYPE_CHECKING:
     from civil_rgbd.domain.bridge import BridgeInfo
 
 _OPTIONS: Final = (
-    click.option(
-        "--out",
-        "dataset",
-        type=click.Path(path_type=Path),
-        default="civil_rgbd_data",
-        show_default=True,
-        metavar="FOLDER",
-        help="The dataset folder; the bridge goes to bridges/ID in it.",
-    ),
+    dataset_option("The dataset folder; the bridge goes to bridges/ID in it."),
     click.option(
         "--bridge-info",
         "bridge_info",

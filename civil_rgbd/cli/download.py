@@ -6,20 +6,12 @@ from pathlib import Path
 
 import click
 
-from civil_rgbd.cli.places import refuse_remote
+from civil_rgbd.cli.places import dataset_option, refuse_remote
 
 
 @click.command("download")
 @click.argument("bridge_id", metavar="ID")
-@click.option(
-    "--out",
-    "dataset",
-    type=click.Path(path_type=Path),
-    default="civil_rgbd_data",
-    show_default=True,
-    metavar="FOLDER",
-    help="The dataset folder; the bridge goes to bridges/ID in it.",
-)
+@dataset_option("The dataset folder; the bridge goes to bridges/ID in it.")
 @click.option(
     "--registry",
     metavar="FILE|URL",

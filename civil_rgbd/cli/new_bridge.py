@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from civil_rgbd.cli.places import refuse_remote
+from civil_rgbd.cli.places import dataset_option, refuse_remote
 
 if TYPE_CHECKING:
     from civil_rgbd.contribution.answers import Answers
@@ -17,15 +17,7 @@ if TYPE_CHECKING:
 
 @click.command("new-bridge")
 @click.argument("bridge_id", metavar="ID")
-@click.option(
-    "--out",
-    "dataset",
-    type=click.Path(path_type=Path),
-    default="civil_rgbd_data",
-    show_default=True,
-    metavar="FOLDER",
-    help="The dataset folder that the bridge is in, or will be built in.",
-)
+@dataset_option("The dataset folder that the bridge is in, or will be built in.")
 @click.option(
     "--from",
     "source",

@@ -1,8 +1,29 @@
-"""What of the command line may be a URL, and what may not."""
+"""Where a command writes its dataset, and what of the command line may be no URL."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+
+import click
+
+
+def dataset_option(words: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return ``--out``, the dataset folder, which a command takes as ``dataset``.
+
+    Args:
+        words: of its help.
+    """
+    return click.option(
+        "--out",
+        "dataset",
+        type=click.Path(path_type=Path),
+        default="civil_rgbd_data",
+        show_default=True,
+        metavar="FOLDER",
+        help=words,
+    )
 
 
 def refuse_remote(path: Path, *, option: str) -> None:
