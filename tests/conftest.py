@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,6 +24,23 @@ settings.register_profile(
 # For tests/mutations.py: that a test fails is all it asks, not the smallest example.
 settings.register_profile("unshrunk", settings.get_profile("fixed"), phases=[Phase.generate])
 settings.load_profile(os.environ.get("CIVIL_RGBD_HYPOTHESIS", "fixed"))
+
+
+GOLDEN = Path(__file__).resolve().parent / "data" / "format_v1"
+
+
+@pytest.fixture
+def golden() -> Path:
+    """The golden dataset; read only."""
+    return GOLDEN
+
+
+@pytest.fixture
+def golden_copy(tmp_path: Path) -> Path:
+    """A copy of the golden dataset, without what made it."""
+    copy = tmp_path / "golden"
+    shutil.copytree(GOLDEN, copy, ignore=shutil.ignore_patterns("make.py", "__pycache__"))
+    return copy
 
 
 @pytest.fixture(scope="session")

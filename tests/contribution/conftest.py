@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import shutil
 from pathlib import Path
 
 import pytest
@@ -13,7 +12,6 @@ from civil_rgbd.contribution.scaffold import open_submission, write_submission
 
 from ..data.format_v1 import make
 
-GOLDEN = Path(__file__).resolve().parents[1] / "data" / "format_v1"
 ANSWERS = {
     "name": "Golden Bridge",
     "place": "by the river Grand",
@@ -68,11 +66,3 @@ def submission(bare: Path) -> Path:
 def bridge(submission: Path) -> Path:
     """The bridge folder of the submission."""
     return submission / "bridges" / make.BRIDGE_ID
-
-
-@pytest.fixture
-def golden_copy(tmp_path: Path) -> Path:
-    """A copy of the golden dataset, without what made it."""
-    copy = tmp_path / "golden"
-    shutil.copytree(GOLDEN, copy, ignore=shutil.ignore_patterns("make.py", "__pycache__"))
-    return copy
