@@ -176,6 +176,7 @@ def test_every_option_that_a_page_names_is_one() -> None:
     strangers |= {"--dependency", "--host", "--port", "--nworkers", "--nthreads"}  # sbatch, dask
     strangers |= {"--no-dashboard", "--scheduler-file"}  # dask
     strangers |= {"--nproc-per-node"}  # torchrun
+    strangers |= {"--plain"}  # benchmarks/quality.py
     for page in PAGES:
         text = re.sub(r"```text.*?```", "", (ROOT / page).read_text("utf-8"), flags=re.DOTALL)
         named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", text)) - strangers

@@ -109,7 +109,7 @@ def test_every_setting_stands_in_the_docs_with_what_is_usual() -> None:
         )
     }
 
-    assert set(told) == set(ScanSpec.__slots__) - {"bridge", "mesh"}
+    assert set(told) == set(ScanSpec.__slots__) - {"bridge"}
     for name, values in told.items():
         for text, value in zip(values, (getattr(demo, name), getattr(field, name)), strict=True):
             plain = value[0] if isinstance(value, tuple) else value
