@@ -19,7 +19,7 @@ from civil_rgbd.health.direction import compare_directions
 from civil_rgbd.health.extrinsics import extrinsics_figure
 from civil_rgbd.health.inspection import choose
 from civil_rgbd.health.offset_figures import change_figures, largest_of_each, offset_figure
-from civil_rgbd.health.pictures import look_at_pictures, picture_figures
+from civil_rgbd.health.pictures import OF_PICTURES, look_at_pictures, picture_figures
 from civil_rgbd.health.rates import common_span, rate_figures, timing_figures, unknown_figures
 from civil_rgbd.health.rates import drift_figure as clock_figure
 from civil_rgbd.health.sampling import Stretch, image_stamps, stretch_starts, stretches_of
@@ -31,7 +31,6 @@ from civil_rgbd.health.views import Views, viewer_of
 _OF_POSES = ("pose-rate", "pose-gap", "pose-jump", "pose-jerk")
 
 _OF_MOUNTING = frozenset({"clock-drift", "time-offset", "extrinsics", "rig-inverted"})
-_OF_PICTURES = ("images-broken", "overexposed-start", "overexposed", "too-dark", "blurred")
 _OF_STRETCHES = _OF_MOUNTING | {"pose-drift"}
 
 Seen = list[tuple[Stretch, tuple[Pair, ...]]]
@@ -78,7 +77,7 @@ def check_recording(
         pairs = tuple(pair for _, followed in seen for pair in followed)
         # What needs nothing of the others: done by whoever has time, main thread or second.
         tasks: dict[Task, Collection[str]] = {
-            _pictures: _OF_PICTURES,
+            _pictures: OF_PICTURES,
             partial(_drift, stretches): ("pose-drift",),
             partial(_coverage, recipe): ("frames", "coverage"),
         }

@@ -14,6 +14,10 @@ from civil_rgbd.health.looks import Look, Looks
 from civil_rgbd.health.opening import overexposed_until
 from civil_rgbd.health.views import Viewer
 
+_OF_WHOLE_PICTURES: Final = ("overexposed-start", "overexposed", "too-dark", "blurred")
+OF_PICTURES: Final = ("images-broken", *_OF_WHOLE_PICTURES)
+"""Codes of the figures that looking at images gives; of the first, at those that decode."""
+
 _FEW: Final = 60
 """A fault of a tenth of the images is among them but for 2 recordings in 1000."""
 _MANY: Final = 300
@@ -84,13 +88,12 @@ def picture_figures(samples: PictureSamples) -> Iterator[Figure]:
     every = len(samples.looks)
     whole = [look for look in samples.looks if look is not None]
     if not every:
-        for code in ("images-broken", "overexposed-start", "overexposed", "too-dark", "blurred"):
-            yield Figure(code, None, "there is no image")
+        yield from (Figure(code, None, "there is no image") for code in OF_PICTURES)
         return
     yield _share("images-broken", every - len(whole), every)
     if not whole:
-        for code in ("overexposed-start", "overexposed", "too-dark", "blurred"):
-            yield Figure(code, None, f"none of {every} images could be decoded")
+        why = f"none of {every} images could be decoded"
+        yield from (Figure(code, None, why) for code in _OF_WHOLE_PICTURES)
         return
     start_s = samples.start_s
     yield Figure(
