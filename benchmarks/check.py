@@ -35,6 +35,7 @@ from typing import Any, Final
 import check_table as report
 import cv2
 import numpy as np
+from measured_code import measuring_key
 
 from civil_rgbd.builder.recipes import load_recipe
 from civil_rgbd.cli.check import gather
@@ -57,6 +58,8 @@ NEEDS_TURNING: Final = ("time-offset", "extrinsics")
 DEPENDS_ON: Final = (
     "civil_rgbd/health",
     "civil_rgbd/odometry/surfaces.py",
+    "civil_rgbd/trajectories",
+    "conversion",
     "tests/planted.py",
     "tests/recording_faults.py",
 )
@@ -88,16 +91,6 @@ def bases() -> list[Base]:
         )  # fmt: skip
         found.append(Base(name, spec, turns=sway > 1))
     return found
-
-
-def version() -> str:
-    """Return a hash of everything that a result depends on, apart from the recordings."""
-    digest = hashlib.sha256()
-    for place in DEPENDS_ON:
-        path = ROOT / place
-        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
-            digest.update(file.read_bytes())
-    return digest.hexdigest()[:16]
 
 
 def recording_of(base: Base, folder: Path) -> Path:
@@ -210,7 +203,11 @@ def main() -> None:
     asked = parser.parse_args()
     asked.folder.mkdir(parents=True, exist_ok=True)
     codes = asked.only or [CLEAN, *planted.FAULTS]
-    every, results, now = bases(), asked.folder / "results.jsonl", version()
+    every, results, now = (
+        bases(),
+        asked.folder / "results.jsonl",
+        measuring_key("check", ("check",), more=DEPENDS_ON),
+    )
     rows = known_rows(results, now)
     if not asked.table:
         for base in every:

@@ -30,12 +30,15 @@ LIBRARIES: Final = ("numpy", "numba", "opencv-python-headless", "trimesh", "embr
 """Distributions whose other version may give other pixels, or other rays."""
 
 
-def measuring_key(asked: str, scripts: tuple[str, ...], *, root: Path = _ROOT) -> str:
+def measuring_key(
+    asked: str, scripts: tuple[str, ...], *, more: tuple[str, ...] = (), root: Path = _ROOT
+) -> str:
     """Return what rows are kept under: another one as soon as their code, or a recipe, is another.
 
     Args:
         asked: what is measured.
         scripts: the modules of this folder that measure it.
+        more: files and folders beside :data:`SOURCES` that decide the figures.
         root: of the checkout.
 
     Returns:
@@ -44,7 +47,7 @@ def measuring_key(asked: str, scripts: tuple[str, ...], *, root: Path = _ROOT) -
     key = hashlib.sha256(asked.encode())
     key.update("".join(f"\n{name} {version(name)}" for name in LIBRARIES).encode())
     measuring = tuple(f"benchmarks/{name}.py" for name in scripts)
-    for name in (*SOURCES, *measuring):
+    for name in (*SOURCES, *more, *measuring):
         for source in _files(root / name):
             # Names and lengths keep the end of one file apart from the beginning of the next.
             content = source.read_bytes()

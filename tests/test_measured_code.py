@@ -61,6 +61,20 @@ def test_rows_are_kept_under_another_key_when_their_code_changes(
     assert measured_code.measuring_key("walk", SCRIPTS, root=checkout) != before
 
 
+def test_what_else_decides_counts_where_it_is_named(
+    measured_code: ModuleType, checkout: Path
+) -> None:
+    planted = checkout / "tests" / "planted.py"
+    planted.parent.mkdir()
+    planted.write_text("limit = 2\n")
+    before = measured_code.measuring_key("check", (), more=("tests/planted.py",), root=checkout)
+
+    planted.write_text("limit = 3\n")
+
+    after = measured_code.measuring_key("check", (), more=("tests/planted.py",), root=checkout)
+    assert after != before
+
+
 def test_compiled_files_change_no_key(measured_code: ModuleType, checkout: Path) -> None:
     before = measured_code.measuring_key("walk", SCRIPTS, root=checkout)
     compiled = checkout / "civil_rgbd" / "pipeline" / "__pycache__"
